@@ -58,9 +58,9 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
 
 
 def read_table(
-    path: str | os.PathLike[str], columns: int, expected: str
+    path: str | os.PathLike[str], columns: int, expected: str, *, separator: str | None = None
 ) -> tuple[NDArray[np.float64], list[int]]:
-    """Read a table of finite numbers, separated by blanks; ``#`` starts a comment line.
+    """Read a table of finite numbers; ``#`` starts a comment line.
 
     Parameters
     ----------
@@ -70,6 +70,8 @@ def read_table(
         How many numbers a line holds.
     expected : str
         What the error messages say a line should be.
+    separator : str, optional
+        What stands between the numbers; blanks if not given.
 
     Returns
     -------
@@ -87,9 +89,9 @@ def read_table(
     rows: list[list[float]] = []
     lines: list[int] = []
     for number, line in enumerate(read_text(path).splitlines(), start=1):
-        words = line.split()
-        if not words or words[0].startswith("#"):
+        if not line.strip() or line.lstrip().startswith("#"):
             continue
+        words = line.split(separator)
         where = f"{path}:{number}"
         if len(words) != columns:
             missing = "timestamp" in expected and len(words) == columns - 1
