@@ -106,7 +106,7 @@ class Dataset:
         if not len(references):
             return
         if self.ground_truth is None:
-            raise ValueError("ground_truth: needed for the references, the map is made of it")
+            raise ValueError(f"{self.name}: references, but no ground truth poses to map them")
         unknown = references[~np.isfinite(self.ground_truth[references]).all(axis=1)]
         if len(unknown):
             path = self.image_paths[unknown[0]]
@@ -134,7 +134,7 @@ class Dataset:
         ValueError
             Naming the file: it does not decode, or is of another size than the camera's.
         """
-        from pflut.features.images import read_image
+        from pflut.features import read_image
 
         image: NDArray[np.uint8] = read_image(self.image_paths[index])
         expected = (self.camera.height, self.camera.width)

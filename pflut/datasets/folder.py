@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pflut._files import read_table, read_text, write_text
 from pflut.camera.base import Camera
+from pflut.camera.files import load_camera
 from pflut.datasets.base import Dataset, References
 from pflut.geometry import FloatArray
 from pflut.trajectory import Trajectory, read_tum, write_tum
@@ -65,8 +66,6 @@ def load_folder(
         raise FileNotFoundError(f"{folder}: no such folder")
     if not (folder / "camera.toml").is_file():
         raise FileNotFoundError(f"{folder}: no camera.toml, expected a folder dataset")
-    from pflut.camera.files import load_camera
-
     stamps, image_paths = _list_images(folder)
     ground_truth = _poses_at(folder / "groundtruth.tum", stamps, max_pose_gap)
     odometry = _poses_at(folder / "odometry.tum", stamps, max_pose_gap)
