@@ -316,12 +316,13 @@ def test_zind_walls_enclose_the_panoramas():
     dataset = load_zind(needs("zind_home000"))
     low, high = dataset.floor_plan.min(axis=(0, 1)), dataset.floor_plan.max(axis=(0, 1))
     assert ((dataset.ground_truth[:, :2] > low) & (dataset.ground_truth[:, :2] < high)).all()
-    # nobody stands in a wall: the tripod is at least 0.2 m from every segment
+    # nobody stands in a wall, though some tripods stand in the doors of closets
     start, along = dataset.floor_plan[:, 0], np.diff(dataset.floor_plan, axis=1)[:, 0]
     offset = dataset.ground_truth[:, None, :2] - start
     t = np.clip((offset * along).sum(axis=2) / (along**2).sum(axis=1), 0, 1)
     distance = np.linalg.norm(offset - t[..., None] * along, axis=2)
-    assert distance.min() > 0.2
+    assert distance.min() > 0.05
+    assert np.median(distance.min(axis=1)) > 0.4
 
 
 def zind_home(rotation=0.0):

@@ -1,0 +1,91 @@
+"""Statistics: values by hand, SciPy as oracle, coverage of the intervals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pflut.statistics import (
+    binned_medians,
+    bootstrap_median,
+    median_absolute_deviation,
+    root_mean_square,
+    success_rate,
+    summarize,
+    wilson_interval,
+)
+
+
+def test_summary_by_hand():
+    summary = summarize([-1, 2, -3, 4, 100, np.nan])
+    assert (summary.count, summary.median, summary.mad, summary.maximum) == (5, 3, 1, 100)
+    assert summary.rmse == pytest.approx(np.sqrt((1 + 4 + 9 + 16 + 10000) / 5))
+    assert summary.percentile_90 == 100
+    nothing = summarize([np.nan])
+    assert nothing.count == 0
+    assert np.isnan(nothing.median)
+    assert nothing.as_dict()["median"] is None
+    assert np.isnan(median_absolute_deviation([]))
+    assert np.isnan(root_mean_square([]))
+
+
+def test_mad_is_scipys():
+    from scipy.stats import median_abs_deviation
+
+    values = np.random.default_rng(1).standard_cauchy(101)
+    assert median_absolute_deviation(values) == pytest.approx(median_abs_deviation(values))
+
+
+def test_wilson_interval_is_scipys():
+    from scipy.stats import binomtest
+
+    for successes, count in [(0, 10), (10, 10), (19, 32), (19, 20), (1, 1)]:
+        expected = binomtest(successes, count).proportion_ci(0.9, method="wilson")
+        found = wilson_interval(successes, count, level=0.9)
+        np.testing.assert_allclose(found, expected, atol=1e-12)
+    assert wilson_interval(0, 0) == (0, 1)
+    for bad in [(-1, 3), (4, 3)]:
+        with pytest.raises(ValueError, match="successes"):
+            wilson_interval(*bad)
+    with pytest.raises(ValueError, match="level"):
+        wilson_interval(1, 2, level=95)
+
+
+def test_success_rate():
+    rate = success_rate([True, True, False, True])
+    assert (rate.successes, rate.count, rate.rate) == (3, 4, 0.75)
+    assert (rate.low, rate.high) == wilson_interval(3, 4)
+    assert success_rate([]).as_dict()["rate"] is None
+
+
+def test_bootstrap_interval_covers_the_median():
+    rng = np.random.default_rng(3)
+    trials = 300
+    covered = 0
+    for _ in range(trials):
+        low, high = bootstrap_median(rng.exponential(size=40), level=0.9, resamples=300, rng=rng)
+        covered += low <= np.log(2) <= high
+    # the percentile bootstrap of a median is near its level, not exactly at it
+    assert abs(covered / trials - 0.9) < 0.03 + 5 * np.sqrt(0.09 / trials)
+    values = rng.normal(size=20)
+    assert bootstrap_median(values, rng=7) == bootstrap_median(values, rng=7)
+    assert np.isnan(bootstrap_median([])).all()
+    assert bootstrap_median([1.0, np.inf, np.inf], rng=0)[1] == np.inf
+
+
+def test_binned_medians_are_the_naive_ones():
+    rng = np.random.default_rng(4)
+    x, errors = rng.uniform(-1, 6, 300), rng.normal(size=300)
+    errors[::10] = np.nan
+    edges = np.array([0, 1, 2.5, 4, 5, 5.0001])
+    x[0], x[1], errors[1] = 0.0, 5.0001, 0.5
+    median, mad, count = binned_medians(x, errors, edges)
+    for i in range(3):
+        inside = np.abs(errors[(x >= edges[i]) & (x < edges[i + 1]) & ~np.isnan(errors)])
+        assert count[i] == len(inside)
+        assert median[i] == np.median(inside)
+        assert mad[i] == np.median(np.abs(inside - np.median(inside)))
+    assert count[4] == 1
+    empty = binned_medians([], [], edges)
+    assert np.isnan(empty[0]).all()
+    assert empty[2].sum() == 0
