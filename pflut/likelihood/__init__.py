@@ -1,0 +1,1 @@
+"""The look-up table of likelihoods: learning it, storing it, evaluating it."""

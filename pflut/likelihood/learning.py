@@ -1,0 +1,194 @@
+"""Algorithm 2: learn the density of (r, u, v) from simulated or real pairs of known pose."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pflut.correspondences import Correspondences
+from pflut.geometry import FloatArray, wrap_to_2pi
+from pflut.likelihood.kernels import count
+from pflut.simulation.correspondences import CorrespondenceSimulator
+
+Progress = Callable[[int, int], None]
+Pair = tuple[Correspondences, float, float]
+
+PAIRS_PER_BLOCK = 4096
+CORRESPONDENCES_PER_PAIR = 16
+BLOCK = PAIRS_PER_BLOCK * CORRESPONDENCES_PER_PAIR
+
+
+def available_cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def count_simulated(
+    simulator: CorrespondenceSimulator,
+    bins: int,
+    num_samples: int,
+    *,
+    seed: int = 0,
+    num_threads: int | None = None,
+    progress: Progress | None = None,
+) -> NDArray[np.int64]:
+    """Histogram simulated correspondences over (r, u, v).
+
+    Every block of samples has a random stream of its own and the counts are integers, so the
+    result depends on the seed and the number of samples, never on the threads.
+
+    Parameters
+    ----------
+    simulator : CorrespondenceSimulator
+    bins : int
+        Cells an axis.
+    num_samples : int
+        Correspondences, rounded up to whole blocks of 65,536.
+    seed : int
+    num_threads : int, optional
+        Default: every core that the process may use.
+    progress : callable, optional
+        Called as ``progress(samples_done, samples_total)``.
+
+    Returns
+    -------
+    ndarray of shape (bins, bins, bins)
+        Counts over (r, u, v).
+    """
+    num_blocks = -(-int(num_samples) // BLOCK)
+    threads = max(1, min(num_threads or available_cores(), num_blocks))
+    unit = np.ones(PAIRS_PER_BLOCK, np.uint32)
+
+    def work(first: int, last: int, histogram: NDArray[np.uint32]) -> NDArray[np.uint32]:
+        for block in range(first, last):
+            stream = np.random.default_rng([seed, block])
+            headings, bearings = simulator.sample_slopes(
+                PAIRS_PER_BLOCK, CORRESPONDENCES_PER_PAIR, stream
+            )
+            count(headings, bearings, unit, histogram)
+        return histogram
+
+    total = np.zeros((bins, bins, bins), np.int64)
+    idle = [np.zeros((bins, bins, bins), np.uint32) for _ in range(threads)]
+    batch = 8
+    done = started = 0
+    work(0, 0, idle[0])
+    with ThreadPoolExecutor(threads) as pool:
+        running = {}
+        try:
+            while done < num_blocks:
+                while idle and started < num_blocks:
+                    last = min(started + batch, num_blocks)
+                    running[pool.submit(work, started, last, idle.pop())] = last - started
+                    started = last
+                finished, _ = wait(running, return_when=FIRST_COMPLETED)
+                for future in finished:
+                    done += running.pop(future)
+                    idle.append(future.result())
+                    if progress is not None:
+                        progress(done * BLOCK, num_blocks * BLOCK)
+        finally:
+            for future in running:
+                future.cancel()
+    for histogram in idle:
+        total += histogram
+    return total
+
+
+def count_pairs(
+    pairs: Iterable[Pair], bins: int, *, compensate: bool = True
+) -> tuple[FloatArray, int]:
+    """Histogram the correspondences of real pairs over (r, u, v), each pose counting the same.
+
+    Real data has some relative poses more often than others; each sample is weighted by one over
+    the frequency of its pose's cell (Algorithm 2).
+
+    Parameters
+    ----------
+    pairs : iterable of (Correspondences, heading_l, heading_r)
+        With the true headings, radians.
+    bins : int
+        Cells an axis.
+    compensate : bool
+        Whether to weight by the pose's frequency.
+
+    Returns
+    -------
+    histogram : ndarray of shape (bins, bins, bins)
+    num_samples : int
+        Correspondences used.
+
+    Raises
+    ------
+    ValueError
+        If there is not one correspondence.
+    """
+    kept = [pair for pair in pairs if len(pair[0])]
+    if not kept:
+        raise ValueError("pairs: expected at least one pair with at least one correspondence")
+    headings = np.array([[wrap_to_2pi(left), wrap_to_2pi(right)] for _, left, right in kept])
+    lengths = np.array([len(correspondences) for correspondences, _, _ in kept])
+    cells = np.minimum((headings / (2 * np.pi) * bins).astype(np.int64), bins - 1)
+    frequency = np.zeros((bins, bins))
+    np.add.at(frequency, (cells[:, 0], cells[:, 1]), lengths)
+    # the table counts a pair, its mirror image and its exchange alike, so their poses are alike
+    frequency = frequency + frequency.T
+    frequency = frequency + frequency[::-1, ::-1]
+    histogram = np.zeros((bins, bins, bins))
+    for (correspondences, _, _), pose, cell in zip(kept, headings, cells, strict=True):
+        weight = 1.0 / frequency[cell[0], cell[1]] if compensate else 1.0
+        count(pose[None], as_slopes(correspondences)[None], np.array([weight]), histogram)
+    return histogram, int(lengths.sum())
+
+
+def as_slopes(correspondences: Correspondences) -> FloatArray:
+    """Return correspondences as (n, 4): azimuth and tan(elevation) of L, then of R."""
+    return np.stack(
+        [
+            correspondences.azimuth_l,
+            np.tan(correspondences.elevation_l),
+            correspondences.azimuth_r,
+            np.tan(correspondences.elevation_r),
+        ],
+        axis=1,
+    )
+
+
+def log_ratio_from_counts(
+    histogram: NDArray[np.int64] | FloatArray, *, uniform: float, blur: float = 0.0
+) -> NDArray[np.float32]:
+    """Turn a histogram into the table: log of p(u, v | r) over the uniform density.
+
+    Parameters
+    ----------
+    histogram : ndarray of shape (R, B, B)
+        Counts over (r, u, v).
+    uniform : float
+        Share in (0, 1) of correspondences that say nothing about the pose, their azimuths being
+        uniform: it keeps empty cells from being impossible.
+    blur : float
+        Standard deviation in cells of a periodic Gaussian over (u, v), for small training sets.
+
+    Returns
+    -------
+    ndarray of shape (R, B, B), float32
+        Mirror-symmetric; a cell with the value 0 is as likely as if the azimuths were uniform.
+    """
+    bins = histogram.shape[1]
+    density = np.asarray(histogram, dtype=np.float64)
+    # a mirrored scene is as likely: (u, v) and (-u, -v) are one sample
+    density = density + np.roll(density[:, ::-1, ::-1], (1, 1), axis=(1, 2))
+    if blur > 0.0:
+        response = np.exp(-2.0 * (np.pi * blur * np.fft.fftfreq(bins)) ** 2)
+        spectrum = np.fft.fft2(density) * response[:, None] * response[None, :]
+        density = np.maximum(np.fft.ifft2(spectrum).real, 0.0)
+    total = density.sum(axis=(1, 2), keepdims=True)
+    ratio = density / np.where(total > 0.0, total, 1.0) * bins**2
+    mixed = np.where(total > 0.0, (1.0 - uniform) * ratio + uniform, 1.0)
+    return np.log(mixed).astype(np.float32)

@@ -1,0 +1,87 @@
+"""Kernel of the M-estimator: the planar epipolar residual, reweighted least squares."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pflut._jit import jit
+
+
+@jit
+def _residual(bearing, theta, phi, out):  # type: ignore[no-untyped-def]
+    """Give the normalised residual of one correspondence, its Jacobian, and the depths' sign.
+
+    ``bearing`` (8,) sines and cosines: sin/cos azimuth_l, sin/cos elevation_l, then of R.
+    ``out`` (3,): the first-order distance to the constraint in radians on the sphere (Sampson's),
+    and its derivatives by theta and phi. Returns whether both depths are positive.
+    """
+    sin_u = np.sin(theta) * bearing[1] - np.cos(theta) * bearing[0]
+    cos_u = np.cos(theta) * bearing[1] + np.sin(theta) * bearing[0]
+    sin_v = np.sin(phi) * bearing[5] - np.cos(phi) * bearing[4]
+    cos_v = np.cos(phi) * bearing[5] + np.sin(phi) * bearing[4]
+    sin_l, cos_l, sin_r, cos_r = bearing[2], bearing[3], bearing[6], bearing[7]
+    value = sin_r * cos_l * sin_u + sin_l * cos_r * sin_v
+    # the gradient by the four measured angles, arcs of the sphere all of them
+    across_l = sin_r * cos_u
+    upward_l = cos_l * cos_r * sin_v - sin_r * sin_l * sin_u
+    across_r = sin_l * cos_v
+    upward_r = cos_r * cos_l * sin_u - sin_l * sin_r * sin_v
+    norm = np.sqrt(across_l**2 + upward_l**2 + across_r**2 + upward_r**2) + 1e-12
+    out[0] = value / norm
+    out[1] = sin_r * cos_l * cos_u / norm
+    out[2] = sin_l * cos_r * cos_v / norm
+    # The triangle L-R-landmark: u and -v have the same sign and |u| + |v| <= pi, that is
+    # sin u sin(u - v) > 0 and sin v sin(u - v) < 0.
+    apex = sin_u * cos_v - cos_u * sin_v
+    return sin_u * apex >= -1e-3 and sin_v * apex <= 1e-3
+
+
+@jit
+def refine(bearings, scales, steps_per_scale, headings, information):  # type: ignore[no-untyped-def]
+    """Polish the two headings by iteratively reweighted least squares.
+
+    Minimises the sum of Tukey's biweight of the residuals with positive depths, the scale going
+    down through ``scales`` (the biweight's cut-offs, radians), by Gauss-Newton steps.
+
+    ``bearings`` (n, 8); ``headings`` (2,) in and out; ``information`` (4,) out: the entries
+    (0, 0), (0, 1), (1, 1) of J^T W J, and the weighted sum of squared residuals. Returns the number
+    of inliers (residual below the last cut-off with positive depths).
+    """
+    row = np.empty(3)
+    inliers = 0
+    for scale in scales:
+        for _ in range(steps_per_scale):
+            a = b = c = g = h = squares = 0.0
+            inliers = 0
+            theta, phi = headings[0], headings[1]
+            for i in range(bearings.shape[0]):
+                in_front = _residual(bearings[i], theta, phi, row)
+                ratio = row[0] / scale
+                if not in_front or ratio * ratio >= 1.0:
+                    continue
+                weight = (1.0 - ratio * ratio) ** 2
+                inliers += 1
+                a += weight * row[1] * row[1]
+                b += weight * row[1] * row[2]
+                c += weight * row[2] * row[2]
+                g += weight * row[1] * row[0]
+                h += weight * row[2] * row[0]
+                squares += weight * row[0] * row[0]
+            information[0], information[1], information[2], information[3] = a, b, c, squares
+            # a little damping: a turn on the spot leaves one direction free
+            damping = 1e-6 * (a + c) + 1e-12
+            determinant = (a + damping) * (c + damping) - b * b
+            if inliers == 0 or determinant <= 0.0:
+                return inliers
+            step_l = ((c + damping) * g - b * h) / determinant
+            step_r = ((a + damping) * h - b * g) / determinant
+            # a step longer than the basin is no step
+            length = np.sqrt(step_l * step_l + step_r * step_r)
+            if length > 0.1:
+                step_l *= 0.1 / length
+                step_r *= 0.1 / length
+            headings[0] = theta - step_l
+            headings[1] = phi - step_r
+            if length < 1e-7:
+                break
+    return inliers
