@@ -1,0 +1,330 @@
+"""From particles to one pose: the mean of the heaviest cluster, its covariance, a confidence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pflut._jit import jit
+from pflut.geometry import FloatArray, as_poses, wrap_to_pi
+from pflut.localization.resampling import systematic_indices
+from pflut.localization.weights import Weights
+
+TWO_PI = 2.0 * np.pi
+METHODS = ("cluster", "mean")
+
+# "here" for the confidence: near enough to call the robot localized
+CONFIDENCE_RADIUS = 0.5
+CONFIDENCE_ANGLE = np.deg2rad(10.0)
+
+# the coarse histogram, and how many draws from the particles it sees
+CELL_SIZE = 0.5
+CELLS_OF_HEADING = 18
+MAX_DRAWS = 1024
+
+# the mean's window, at least; and how often it may move
+WINDOW_RADIUS = 1.0
+WINDOW_ANGLE = np.deg2rad(30.0)
+MAX_PASSES = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """What the filter believes after an update.
+
+    Parameters
+    ----------
+    pose : ndarray of shape (3,)
+        ``[x, y, heading]``, metres and radians, heading in (-pi, pi].
+    covariance : ndarray of shape (3, 3)
+        Of the particles in the cluster (or of all, for the method "mean") around ``pose``;
+        differences of headings are wrapped.
+    confidence : float
+        Share of the weight within 0.5 m and 10 degrees of ``pose``, in [0, 1]: what the
+        particles give for the probability that the pose is that good.
+    cluster_weight : float
+        Share of the weight that the mean and the covariance were taken over, in (0, 1].
+    effective_sample_size : float
+        Of the weights before resampling, in [1, num_particles].
+    num_particles : int
+        How many particles there were.
+    log_mean_likelihood : float or None
+        Log of the observation's mean likelihood over the weighted particles, not normalised: it
+        falls when the observation fits none of them. None without an observation that counted.
+    resampled : bool
+        Whether the particles were resampled after this estimate.
+    degenerate : bool
+        Whether the observation was ignored, because its likelihoods were NaN or +inf, or zero
+        for every particle.
+    degenerate_updates : int
+        How many observations were ignored since the initialisation.
+    stamp : float or None
+        Seconds, as handed in with the observation.
+    """
+
+    pose: FloatArray
+    covariance: FloatArray
+    confidence: float
+    cluster_weight: float
+    effective_sample_size: float
+    num_particles: int
+    log_mean_likelihood: float | None = None
+    resampled: bool = False
+    degenerate: bool = False
+    degenerate_updates: int = 0
+    stamp: float | None = None
+
+    @property
+    def position_std(self) -> float:
+        """Metres: square root of the variances of x and y added."""
+        return float(np.sqrt(self.covariance[0, 0] + self.covariance[1, 1]))
+
+    @property
+    def heading_std(self) -> float:
+        """Radians: standard deviation of the heading."""
+        return float(np.sqrt(self.covariance[2, 2]))
+
+
+@jit
+def _moments(
+    poses: FloatArray,
+    weights: FloatArray,
+    center: FloatArray,
+    radius: float,
+    angle: float,
+    out: FloatArray,
+) -> None:
+    """Sum 1, d, d d^T over the weighted poses in a window, d the difference from its center: O(N).
+
+    ``out`` (10,): weight, x, y, heading, xx, xy, xh, yy, yh, hh.
+    """
+    center_x, center_y, center_h = center[0], center[1], center[2]
+    radius2 = radius * radius
+    w0, wx, wy, wh = 0.0, 0.0, 0.0, 0.0
+    wxx, wxy, wxh, wyy, wyh, whh = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(poses.shape[0]):
+        x = poses[i, 0] - center_x
+        y = poses[i, 1] - center_y
+        h = poses[i, 2] - center_h
+        h -= TWO_PI * np.rint(h * (1.0 / TWO_PI))
+        inside = (x * x + y * y <= radius2) & (abs(h) <= angle)
+        w = weights[i] if inside else 0.0
+        w0 += w
+        wx += w * x
+        wy += w * y
+        wh += w * h
+        wxx += w * x * x
+        wxy += w * x * y
+        wxh += w * x * h
+        wyy += w * y * y
+        wyh += w * y * h
+        whh += w * h * h
+    out[0], out[1], out[2], out[3], out[4] = w0, wx, wy, wh, wxx
+    out[5], out[6], out[7], out[8], out[9] = wxy, wxh, wyy, wyh, whh
+
+
+@jit
+def _mean(poses: FloatArray, weights: FloatArray, out: FloatArray) -> None:
+    """Write the weighted mean of all, the heading's by its sine and cosine: O(N)."""
+    x, y, sin, cos = 0.0, 0.0, 0.0, 0.0
+    for i in range(poses.shape[0]):
+        w = weights[i]
+        x += w * poses[i, 0]
+        y += w * poses[i, 1]
+        sin += w * np.sin(poses[i, 2])
+        cos += w * np.cos(poses[i, 2])
+    out[0], out[1], out[2] = x, y, np.arctan2(sin, cos)
+
+
+@jit
+def _key(x: int, y: int, h: int) -> int:
+    """Pack a cell's coordinates into one number: 26 bits for x and for y, 8 for the heading."""
+    return (((x << 26) | y) << 8) | h
+
+
+@jit
+def _find(x: int, y: int, h: int, keys: NDArray[np.int64]) -> int:
+    """Give a cell's place in the hash table, or the empty place (-1) where it belongs."""
+    key = _key(x, y, h)
+    mask = keys.shape[0] - 1
+    place: int = ((x * 73856093) ^ (y * 19349663) ^ (h * 83492791)) & mask
+    while keys[place] != -1 and keys[place] != key:
+        place = (place + 1) & mask
+    return place
+
+
+@jit
+def _vote(
+    poses: FloatArray,
+    indices: NDArray[np.int32],
+    cell: float,
+    cells_of_heading: int,
+    keys: NDArray[np.int64],
+    votes: NDArray[np.int32],
+    out: FloatArray,
+) -> None:
+    """Write the center of the cell with most votes, its neighbours' counting less: O(draws).
+
+    Cells are kept in a hash table (``keys``, all -1 at first, a power of two of them, more than
+    draws): only the occupied ones cost, however large the map is.
+    """
+    left, bottom = poses[indices[0], 0], poses[indices[0], 1]
+    for i in range(indices.shape[0]):
+        left = min(left, poses[indices[i], 0])
+        bottom = min(bottom, poses[indices[i], 1])
+    for i in range(indices.shape[0]):
+        # +1: the neighbours of the first cells have coordinates that are not negative, too
+        x = (int((poses[indices[i], 0] - left) / cell) + 1) & 0x3FFFFFF
+        y = (int((poses[indices[i], 1] - bottom) / cell) + 1) & 0x3FFFFFF
+        turn = poses[indices[i], 2] * (1.0 / TWO_PI)
+        turn -= np.floor(turn)
+        h = min(int(turn * cells_of_heading), cells_of_heading - 1)
+        place = _find(x, y, h, keys)
+        keys[place] = _key(x, y, h)
+        votes[place] += 1
+    best = -1.0
+    for place in range(keys.shape[0]):
+        if keys[place] == -1:
+            continue
+        x, y, h = keys[place] >> 34, (keys[place] >> 8) & 0x3FFFFFF, keys[place] & 0xFF
+        score = 0.0
+        for dx in range(-1, 2):
+            for dy in range(-1, 2):
+                for dh in range(-1, 2):
+                    neighbor = (h + dh + cells_of_heading) % cells_of_heading
+                    found = _find(x + dx, y + dy, neighbor, keys)
+                    score += votes[found] * 0.5 ** (abs(dx) + abs(dy) + abs(dh))
+        if score > best:
+            best = score
+            out[0] = left + (x - 0.5) * cell
+            out[1] = bottom + (y - 0.5) * cell
+            out[2] = (h + 0.5) * TWO_PI / cells_of_heading
+
+
+def _heaviest_cell(poses: FloatArray, weights: FloatArray) -> FloatArray:
+    """Find the center of the heaviest cell of a coarse histogram over (x, y, heading).
+
+    The histogram counts draws from the particles (a comb with a fixed tooth: the same particles
+    give the same cell), so its cost does not grow with their number.
+    """
+    draws = min(len(poses), MAX_DRAWS)
+    size = 1 << (2 * draws).bit_length()
+    keys = np.full(size, -1, dtype=np.int64)
+    votes = np.zeros(size, dtype=np.int32)
+    center = np.empty(3)
+    indices = systematic_indices(weights, draws, 0.5)
+    _vote(poses, indices, CELL_SIZE, CELLS_OF_HEADING, keys, votes, center)
+    return center
+
+
+def _window(
+    poses: FloatArray, weights: FloatArray, center: FloatArray, radius: float, angle: float
+) -> tuple[float, FloatArray, FloatArray]:
+    """Give the share of the weight in a window, the mean pose there and the covariance."""
+    sums = np.empty(10)
+    _moments(poses, weights, center, radius, angle, sums)
+    share = float(sums[0])
+    if share <= 0.0:
+        return 0.0, center, np.zeros((3, 3))
+    shift = sums[1:4] / share
+    second = sums[[[4, 5, 6], [5, 7, 8], [6, 8, 9]]] / share
+    covariance = second - np.outer(shift, shift)
+    # rounding may leave a variance of -1e-20 where all particles are one
+    np.fill_diagonal(covariance, np.maximum(covariance.diagonal(), 0.0))
+    return share, center + shift, covariance
+
+
+def _cluster(poses: FloatArray, weights: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+    """Shift a window from the heaviest cell to the mean of what it holds, until it rests.
+
+    The window grows to three standard deviations of what it holds, so that a wide cluster is
+    not cut; from one that stands apart it does not reach the others.
+    """
+    center = _heaviest_cell(poses, weights)
+    radius, angle = WINDOW_RADIUS, WINDOW_ANGLE
+    for _ in range(MAX_PASSES):
+        share, mean, covariance = _window(poses, weights, center, radius, angle)
+        moved = float(np.abs(mean - center).max())
+        held = 3.0 * np.sqrt(covariance.diagonal())
+        wanted_radius, wanted_angle = float(max(held[0], held[1])), float(held[2])
+        if moved < 1e-3 and wanted_radius <= 1.05 * radius and wanted_angle <= 1.05 * angle:
+            break
+        center = mean
+        radius = max(radius, wanted_radius)
+        angle = min(max(angle, wanted_angle), np.pi)
+    return share, mean, covariance
+
+
+def summarize(poses: FloatArray, weights: Weights, *, method: str = "cluster") -> Estimate:
+    """Estimate the pose from particles whose weights are normalised already.
+
+    Parameters
+    ----------
+    poses : ndarray of shape (N, 3)
+        float64, contiguous, finite.
+    weights : Weights
+        N of them.
+    method : {"cluster", "mean"}
+        As in `estimate_from_particles`.
+
+    Returns
+    -------
+    Estimate
+    """
+    if method == "cluster":
+        share, pose, covariance = _cluster(poses, weights.linear)
+    elif method == "mean":
+        pose = np.empty(3)
+        _mean(poses, weights.linear, pose)
+        share, _, covariance = _window(poses, weights.linear, pose, np.inf, np.inf)
+    else:
+        raise ValueError(f"method: expected one of {METHODS}, got {method!r}")
+    pose[2] = wrap_to_pi(pose[2])
+    near, _, _ = _window(poses, weights.linear, pose, CONFIDENCE_RADIUS, CONFIDENCE_ANGLE)
+    return Estimate(
+        pose=pose,
+        covariance=covariance,
+        confidence=min(near, 1.0),
+        cluster_weight=min(share, 1.0),
+        effective_sample_size=weights.effective_sample_size,
+        num_particles=len(weights),
+    )
+
+
+def estimate_from_particles(
+    poses: ArrayLike, log_weights: ArrayLike | None = None, *, method: str = "cluster"
+) -> Estimate:
+    """Estimate the pose from weighted particles.
+
+    Parameters
+    ----------
+    poses : array_like of shape (N, 3)
+        ``[x, y, heading]``.
+    log_weights : array_like of shape (N,), optional
+        Not necessarily normalised; -inf rules a particle out. By default all weigh the same.
+    method : {"cluster", "mean"}
+        "cluster": the heaviest cell of a coarse histogram (0.5 m, 20 degrees, neighbours
+        counting), then the mean of the particles in a window around it (1 m, 30 degrees, or
+        three standard deviations where that is more), moved to that mean until it rests. With
+        two hypotheses it gives one of them. "mean": over all particles, the heading's by its
+        sine and cosine; with two hypotheses it lies between them.
+
+    Returns
+    -------
+    Estimate
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, a pose is not finite, a weight is NaN or +inf, or all are zero.
+    """
+    particles = as_poses(poses)
+    if log_weights is None:
+        weights = Weights.uniform(len(particles))
+    else:
+        weights = Weights.from_log(log_weights)
+    if len(weights) != len(particles):
+        raise ValueError(f"log_weights: expected {len(particles)} as of poses, got {len(weights)}")
+    return summarize(particles, weights, method=method)

@@ -1,0 +1,125 @@
+"""The weights of particles: kept as logarithms, normalised in one place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pflut._jit import jit
+from pflut.geometry import FloatArray
+
+
+@jit
+def _add(log_weights: FloatArray, log_likelihood: FloatArray, out: FloatArray) -> float:
+    """Add logarithms; give the highest sum, or NaN if a likelihood is NaN or +inf: O(N)."""
+    highest = -np.inf
+    usable = True
+    for i in range(out.shape[0]):
+        usable &= log_likelihood[i] < np.inf  # false for NaN, too
+        value = log_weights[i] + log_likelihood[i]
+        highest = max(highest, value)
+        out[i] = value
+    return highest if usable else np.nan
+
+
+@jit
+def _sums(values: FloatArray) -> tuple[float, float]:
+    """Sum the values and their squares, in an order that no thread count changes: O(N)."""
+    total, squares = 0.0, 0.0
+    for i in range(values.shape[0]):
+        total += values[i]
+        squares += values[i] * values[i]
+    return total, squares
+
+
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """Normalised weights of N particles. Make them with `uniform`, `from_log` or `times`.
+
+    Parameters
+    ----------
+    log : ndarray of shape (N,)
+        Their logarithms; -inf is a particle that is ruled out.
+    linear : ndarray of shape (N,)
+        The weights; they sum to one.
+    effective_sample_size : float
+        ``1 / sum(linear**2)``, in [1, N] (Kong, Liu, Wong 1994).
+    log_mean : float
+        Logarithm of the sum they were divided by. After `times` this is the log of the mean
+        likelihood under the weights before: how well the observation was expected.
+    """
+
+    log: FloatArray
+    linear: FloatArray
+    effective_sample_size: float
+    log_mean: float = 0.0
+
+    def __len__(self) -> int:
+        """Return the number of particles."""
+        return int(self.log.size)
+
+    @classmethod
+    def uniform(cls, n: int) -> Weights:
+        """Give n equal weights."""
+        return cls(np.full(n, -np.log(n)), np.full(n, 1.0 / n), float(n))
+
+    @classmethod
+    def from_log(cls, log_weights: ArrayLike) -> Weights:
+        """Normalise log-weights.
+
+        Parameters
+        ----------
+        log_weights : array_like of shape (N,)
+            -inf is allowed, NaN and +inf are not.
+
+        Returns
+        -------
+        Weights
+
+        Raises
+        ------
+        ValueError
+            If the shape is another, a value is NaN or +inf, or all are -inf.
+        """
+        values = np.ascontiguousarray(log_weights, dtype=np.float64)
+        if values.ndim != 1 or values.size == 0:
+            raise ValueError(f"log_weights: expected shape (N,) with N >= 1, got {values.shape}")
+        weights = _normalize(np.zeros_like(values), values)
+        if weights is None:
+            raise ValueError(
+                "log_weights: expected numbers below +inf, at least one above -inf; "
+                f"got NaN or +inf {int((~(values < np.inf)).sum())} times in {values.size}"
+            )
+        return weights
+
+    def times(self, log_likelihood: FloatArray) -> Weights | None:
+        """Multiply by likelihoods and normalise.
+
+        Parameters
+        ----------
+        log_likelihood : ndarray of shape (N,)
+            float64, contiguous.
+
+        Returns
+        -------
+        Weights or None
+            None where no weights would be left: a likelihood is NaN or +inf, or it rules out
+            every particle.
+        """
+        return _normalize(self.log, log_likelihood)
+
+
+def _normalize(log_weights: FloatArray, log_likelihood: FloatArray) -> Weights | None:
+    """Add, subtract the highest before exp so that nothing overflows, divide by the sum."""
+    log = np.empty_like(log_weights)
+    highest = _add(log_weights, log_likelihood, log)
+    if not highest > -np.inf:
+        return None
+    log -= highest
+    linear = np.exp(log)
+    total, squares = _sums(linear)
+    log -= np.log(total)
+    linear /= total
+    return Weights(log, linear, total * total / squares, float(highest + np.log(total)))
