@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -94,6 +95,19 @@ def test_trajectory_without_order_joins_each_estimate_with_its_truth():
     joined = [c.get_segments() for c in axes.collections if hasattr(c, "get_segments")][-1]
     assert len(joined) == N - 1
     np.testing.assert_array_equal(joined[0], [[1, 2], [1, 3]])
+
+
+def test_a_narrow_map_has_its_legend_beside_it():
+    for angle, below in ((0.0, True), (np.pi / 2, False)):
+        cos, sin = np.cos(angle), np.sin(angle)
+        turned = WALLS * [1.0, 0.3] @ np.array([[cos, sin], [-sin, cos]])
+        figure = plot_trajectory(replace(home(), floor_plan=turned, ground_truth=TRUTH * 0), TRUTH)
+        figure.draw_without_rendering()
+        axes, legend = figure.axes[0].get_window_extent(), figure.legends[0].get_window_extent()
+        assert (legend.y1 < axes.y0) == below
+        assert (legend.x0 > axes.x1) != below
+        assert legend.x0 >= 0
+        assert legend.x1 <= figure.bbox.x1
 
 
 def test_trajectory_of_a_bare_dataset():

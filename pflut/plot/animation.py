@@ -15,7 +15,7 @@ from PIL import Image
 
 from pflut._files import replacing
 from pflut.datasets.base import Dataset
-from pflut.plot.map import draw_arrows, draw_map, legend_below, map_figure
+from pflut.plot.map import draw_arrows, draw_map, legend_outside, map_figure
 from pflut.plot.style import BLACK, COLORMAP, VERMILION
 
 _COLORS = 96  # flat colors without dither: small files
@@ -89,7 +89,7 @@ def animate_particles(
     truth = draw_arrows(axes, nowhere, length, BLACK, label="ground truth", zorder=4)
     estimate = draw_arrows(axes, nowhere, length, VERMILION, label="estimate", zorder=5)
     title = axes.set_title(" ")
-    legend_below(figure)
+    legend_outside(figure)
     colormap = matplotlib.colormaps[COLORMAP + "_r"]  # the heavy ones dark
     canvas = FigureCanvasAgg(figure)
     figure.set_dpi(dpi)

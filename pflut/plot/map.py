@@ -18,6 +18,7 @@ from pflut.plot.style import BLACK, COLORMAP, CYCLE, GREY, VERMILION, new_figure
 
 _MARGIN = 0.04  # of the map's larger side
 _SIDE = 9.0  # inches
+_NARROW = 0.7  # width over height
 
 
 def draw_map(axes: Axes, dataset: Dataset, *, references: bool = True) -> None:
@@ -95,8 +96,10 @@ def map_figure(dataset: Dataset, *, side: float = _SIDE) -> tuple[Figure, Axes]:
     """Return a figure of the map's proportions, its longer side in inches, and its axes."""
     (x0, x1), (y0, y1) = _extent(dataset)
     scale = side / max(x1 - x0, y1 - y0)
-    # room for labels, a title and a legend beside the map
-    figure = new_figure(max((x1 - x0) * scale, 4.0) + 0.8, max((y1 - y0) * scale, 2.0) + 1.4)
+    width, height = max((x1 - x0) * scale, 3.0) + 0.8, max((y1 - y0) * scale, 2.0) + 0.7
+    # room for the legend, below the map or beside a narrow one
+    narrow = width < _NARROW * height
+    figure = new_figure(width + 2.2 * narrow, height + 0.7 * (not narrow))
     return figure, figure.add_subplot()
 
 
@@ -161,22 +164,33 @@ def plot_trajectory(
             axes.add_collection(errors)
             draw_arrows(axes, truth, length, BLACK, label="ground truth", zorder=4)
     if joined:
-        x, y = estimate[:, :2].T
         axes.plot(
-            x, y, "o-", color=VERMILION, markersize=3, linewidth=0.8, label="estimate", zorder=5
+            *estimate[:, :2].T,
+            "o-",
+            color=VERMILION,
+            markersize=3.0 if len(estimate) < 60 else 1.5,
+            linewidth=0.8,
+            label="estimate",
+            zorder=5,
         )
     else:
         known = np.isfinite(estimate).all(axis=1)
-        draw_arrows(axes, estimate[known], length, VERMILION, label="estimate", zorder=5)
+        draw_arrows(
+            axes, estimate[known], length, VERMILION, label="estimate", width=0.12, zorder=5
+        )
     if title:
         axes.set_title(title)
-    legend_below(figure)
+    legend_outside(figure)
     return figure
 
 
-def legend_below(figure: Figure) -> None:
-    """Put a legend of all that has a label below the map, its dots large enough to be seen."""
-    legend = figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+def legend_outside(figure: Figure) -> None:
+    """Put a legend of all that has a label beside the map, its dots large enough to be seen."""
+    narrow = figure.get_figwidth() - 2.2 < _NARROW * figure.get_figheight()
+    if narrow:
+        legend = figure.legend(loc="outside right upper", frameon=False, fontsize=9)
+    else:
+        legend = figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     for handle in legend.legend_handles:
         if isinstance(handle, PathCollection):
             handle.set_alpha(1.0)
