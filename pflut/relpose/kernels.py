@@ -8,17 +8,17 @@ from pflut._jit import jit
 
 
 @jit
-def _residual(bearing, theta, phi, out):  # type: ignore[no-untyped-def]
+def _residual(bearing, sin_theta, cos_theta, sin_phi, cos_phi, out):  # type: ignore[no-untyped-def]
     """Give the normalised residual of one correspondence, its Jacobian, and the depths' sign.
 
     ``bearing`` (8,) sines and cosines: sin/cos azimuth_l, sin/cos elevation_l, then of R.
     ``out`` (3,): the first-order distance to the constraint in radians on the sphere (Sampson's),
     and its derivatives by theta and phi. Returns whether both depths are positive.
     """
-    sin_u = np.sin(theta) * bearing[1] - np.cos(theta) * bearing[0]
-    cos_u = np.cos(theta) * bearing[1] + np.sin(theta) * bearing[0]
-    sin_v = np.sin(phi) * bearing[5] - np.cos(phi) * bearing[4]
-    cos_v = np.cos(phi) * bearing[5] + np.sin(phi) * bearing[4]
+    sin_u = sin_theta * bearing[1] - cos_theta * bearing[0]
+    cos_u = cos_theta * bearing[1] + sin_theta * bearing[0]
+    sin_v = sin_phi * bearing[5] - cos_phi * bearing[4]
+    cos_v = cos_phi * bearing[5] + sin_phi * bearing[4]
     sin_l, cos_l, sin_r, cos_r = bearing[2], bearing[3], bearing[6], bearing[7]
     value = sin_r * cos_l * sin_u + sin_l * cos_r * sin_v
     # the gradient by the four measured angles, arcs of the sphere all of them
@@ -54,8 +54,10 @@ def refine(bearings, scales, steps_per_scale, headings, information):  # type: i
             a = b = c = g = h = squares = 0.0
             inliers = 0
             theta, phi = headings[0], headings[1]
+            sin_theta, cos_theta = np.sin(theta), np.cos(theta)
+            sin_phi, cos_phi = np.sin(phi), np.cos(phi)
             for i in range(bearings.shape[0]):
-                in_front = _residual(bearings[i], theta, phi, row)
+                in_front = _residual(bearings[i], sin_theta, cos_theta, sin_phi, cos_phi, row)
                 ratio = row[0] / scale
                 if not in_front or ratio * ratio >= 1.0:
                     continue
@@ -85,3 +87,25 @@ def refine(bearings, scales, steps_per_scale, headings, information):  # type: i
             if length < 1e-7:
                 break
     return inliers
+
+
+@jit
+def chance_share(bearings, cutoff, lattice):  # type: ignore[no-untyped-def]
+    """Give the share of correspondences that a pose taken at random has as inliers.
+
+    The mean over a ``lattice`` x ``lattice`` grid of poses: what coincidence alone brings.
+    """
+    row = np.empty(3)
+    inliers = 0
+    for i in range(lattice):
+        for j in range(lattice):
+            # the second heading is shifted from row to row, so that the lattice has no diagonals
+            theta = 2.0 * np.pi * i / lattice
+            phi = 2.0 * np.pi * (j + 0.618 * i) / lattice
+            sin_theta, cos_theta = np.sin(theta), np.cos(theta)
+            sin_phi, cos_phi = np.sin(phi), np.cos(phi)
+            for k in range(bearings.shape[0]):
+                in_front = _residual(bearings[k], sin_theta, cos_theta, sin_phi, cos_phi, row)
+                if in_front and abs(row[0]) < cutoff:
+                    inliers += 1
+    return inliers / (lattice * lattice * bearings.shape[0])
