@@ -93,6 +93,17 @@ def test_minimal_folder_takes_stamps_from_names_and_every_tenth(tmp_path):
     assert sparse.reference_indices.tolist() == [0]
 
 
+def test_rounded_stamps_find_their_poses(folder):
+    # the poses are 2 to 3 s apart, so nothing is interpolated: each is found by its stamp
+    expected, stamps = load_folder(folder), parts()["stamps"]
+    rounded = Trajectory(np.round(stamps, 2), parts()["ground_truth"])
+    write_tum(folder / "groundtruth.tum", rounded)
+    np.testing.assert_allclose(load_folder(folder).ground_truth, expected.ground_truth, atol=1e-15)
+    write_tum(folder / "groundtruth.tum", Trajectory(stamps + 0.03, parts()["ground_truth"]))
+    with pytest.raises(ValueError, match="no image has a pose"):
+        load_folder(folder)
+
+
 def test_odometry_between_is_the_motion_in_the_first_frame(folder):
     dataset, truth = load_folder(folder), parts()["ground_truth"]
     np.testing.assert_allclose(

@@ -25,9 +25,10 @@ from pflut.camera.base import Camera
 from pflut.camera.files import load_camera
 from pflut.datasets.base import Dataset, References
 from pflut.geometry import FloatArray
-from pflut.trajectory import Trajectory, read_tum, write_tum
+from pflut.trajectory import Trajectory, associate, read_tum, write_tum
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
+_SAME_TIME = 0.02  # seconds
 _KEYS = ("name", "mask_elevation_deg")
 
 
@@ -48,7 +49,7 @@ def load_folder(
         file every tenth image with a ground truth pose is a reference.
     max_pose_gap : float
         An image between two poses gets the interpolated pose, unless the poses are further apart
-        than this, in seconds.
+        than this, in seconds. It then gets the nearest pose if that is within 0.02 s.
 
     Returns
     -------
@@ -293,6 +294,10 @@ def _poses_at(path: Path, stamps: FloatArray, max_gap: float) -> FloatArray | No
         return None
     trajectory = read_tum(path)
     poses = trajectory.interpolate(stamps, max_gap=max_gap)
+    # at the ends and in gaps: stamps that were rounded, or of two clocks that agree as well as that
+    unknown = np.flatnonzero(np.isnan(poses[:, 0]))
+    image, pose = associate(stamps[unknown], trajectory.stamps, max_difference=_SAME_TIME)
+    poses[unknown[image]] = trajectory.poses[pose]
     if np.isnan(poses).all():
         raise ValueError(
             f"{path}: no image has a pose: the images' stamps span {stamps[0]} to {stamps[-1]}, "
