@@ -134,7 +134,7 @@ class Dataset:
         ValueError
             Naming the file: it does not decode, or is of another size than the camera's.
         """
-        from pflut.features import read_image
+        from pflut.features.image import read_image
 
         image: NDArray[np.uint8] = read_image(self.image_paths[index])
         expected = (self.camera.height, self.camera.width)

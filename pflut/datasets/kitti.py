@@ -150,7 +150,7 @@ def _read_calibration(path: Path) -> tuple[float, float, float, float]:
 
 def _size(image: Path) -> tuple[int, int]:
     """Give height and width of an image; those of KITTI differ from sequence to sequence."""
-    from pflut.features import read_image
+    from pflut.features.image import read_image
 
     height, width = read_image(image).shape
     return int(height), int(width)
