@@ -1,0 +1,120 @@
+"""A furnished flat, generated from a seed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pflut.geometry import FloatArray
+from pflut.simulation.free_space import FreeSpace, footprint_mask, occupied_by_walls
+from pflut.simulation.furnishing import Furnisher
+from pflut.simulation.layout import Opening, Room, plan_flat
+from pflut.simulation.scene import Scene, SceneBuilder
+from pflut.simulation.stock import make_stock
+from pflut.simulation.walls import build_view, build_walls, wall_segments
+
+
+@dataclass(frozen=True, eq=False)
+class Home:
+    """A furnished flat.
+
+    Attributes
+    ----------
+    seed : int
+    rearrangement : int
+        0: as it was mapped. Another number: the same home on another day, with about a third of
+        the small objects moved or exchanged.
+    rooms : tuple of Room
+    openings : tuple of Opening
+        Doors (twice, once in the wall of each room) and windows.
+    scene : Scene
+    footprints : ndarray of shape (m, 5)
+        What stands on the floor: x and y of the center, yaw, half the length, half the width.
+    walls : ndarray of shape (s, 2, 2)
+        The walls' faces seen from above, without the doors: start and end of each.
+    """
+
+    seed: int
+    rearrangement: int
+    rooms: tuple[Room, ...]
+    openings: tuple[Opening, ...]
+    scene: Scene
+    footprints: FloatArray
+    walls: FloatArray
+
+    @classmethod
+    def generate(cls, seed: int, *, rearrangement: int = 0) -> Home:
+        """Build a home.
+
+        Parameters
+        ----------
+        seed : int
+            Not negative; decides everything.
+        rearrangement : int
+            Which day it is: 0 is the day of the mapping.
+
+        Returns
+        -------
+        Home
+
+        Raises
+        ------
+        ValueError
+            If a number is no integer or negative.
+        """
+        check_seed(seed, "seed")
+        check_seed(rearrangement, "rearrangement")
+        rng = np.random.default_rng([seed, 1])
+        rooms, openings = plan_flat(rng)
+        builder = SceneBuilder()
+        stock = make_stock(builder, rng)
+        build_walls(builder, stock, rooms, openings, rng)
+        build_view(builder, stock)
+        furnisher = Furnisher(builder, stock, rooms, openings, rng, seed, rearrangement)
+        furnisher.furnish()
+        return cls(
+            seed,
+            rearrangement,
+            rooms,
+            openings,
+            builder.finish(),
+            np.array(furnisher.footprints).reshape(-1, 5),
+            wall_segments(rooms, openings),
+        )
+
+
+def check_seed(value: object, name: str) -> None:
+    """Refuse what is no integer >= 0.
+
+    Raises
+    ------
+    ValueError
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
+        raise ValueError(f"{name}: expected an integer >= 0, got {value!r}")
+
+
+def free_space(home: Home) -> FreeSpace:
+    """Measure where in a home a robot can be.
+
+    Parameters
+    ----------
+    home : Home
+
+    Returns
+    -------
+    FreeSpace
+        Walls and everything that stands on the floor are obstacles.
+    """
+    occupied = occupied_by_walls(home.rooms, home.openings)
+    for footprint in home.footprints:
+        occupied |= footprint_mask(occupied.shape, footprint)
+    return FreeSpace.from_occupied(occupied)
+
+
+def is_inside(home: Home, x: float, y: float) -> bool:
+    """Say whether a point is in a room or a doorway of a home, not in a wall or outside."""
+    occupied = occupied_by_walls(home.rooms, home.openings)
+    space = FreeSpace.from_occupied(occupied)
+    return bool(space.at([[x, y]])[0] > 0.0)
