@@ -27,7 +27,9 @@ MAX_DRAWS = 1024
 # the mean's window, at least; and how often it may move
 WINDOW_RADIUS = 1.0
 WINDOW_ANGLE = np.deg2rad(30.0)
-MAX_PASSES = 6
+MAX_PASSES = 12
+# what holds less of the weight is no cluster but a chance neighbourhood of a lost robot
+SMALLEST_CLUSTER = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,20 +242,22 @@ def _cluster(poses: FloatArray, weights: FloatArray) -> tuple[float, FloatArray,
     """Shift a window from the heaviest cell to the mean of what it holds, until it rests.
 
     The window grows to three standard deviations of what it holds, so that a wide cluster is
-    not cut; from one that stands apart it does not reach the others.
+    not cut; from one that stands apart it does not reach the others. Where it holds hardly
+    anything it doubles, so that the covariance of a lost robot is as wide as its particles.
     """
     center = _heaviest_cell(poses, weights)
     radius, angle = WINDOW_RADIUS, WINDOW_ANGLE
     for _ in range(MAX_PASSES):
         share, mean, covariance = _window(poses, weights, center, radius, angle)
-        moved = float(np.abs(mean - center).max())
         held = 3.0 * np.sqrt(covariance.diagonal())
-        wanted_radius, wanted_angle = float(max(held[0], held[1])), float(held[2])
-        if moved < 1e-3 and wanted_radius <= 1.05 * radius and wanted_angle <= 1.05 * angle:
+        if share < SMALLEST_CLUSTER:
+            held = np.maximum(held, [2.0 * radius, 2.0 * radius, 2.0 * angle])
+        wanted_radius, wanted_angle = float(max(held[0], held[1])), min(float(held[2]), np.pi)
+        rests = float(np.abs(mean - center).max()) < 1e-3
+        if rests and wanted_radius <= 1.05 * radius and wanted_angle <= 1.05 * angle:
             break
         center = mean
-        radius = max(radius, wanted_radius)
-        angle = min(max(angle, wanted_angle), np.pi)
+        radius, angle = max(radius, wanted_radius), max(angle, wanted_angle)
     return share, mean, covariance
 
 
@@ -308,7 +312,8 @@ def estimate_from_particles(
         "cluster": the heaviest cell of a coarse histogram (0.5 m, 20 degrees, neighbours
         counting), then the mean of the particles in a window around it (1 m, 30 degrees, or
         three standard deviations where that is more), moved to that mean until it rests. With
-        two hypotheses it gives one of them. "mean": over all particles, the heading's by its
+        two hypotheses it gives one of them; with none, all particles that the window reaches
+        when it has grown. "mean": over all particles, the heading's by its
         sine and cosine; with two hypotheses it lies between them.
 
     Returns
@@ -321,10 +326,5 @@ def estimate_from_particles(
         If shapes do not fit, a pose is not finite, a weight is NaN or +inf, or all are zero.
     """
     particles = as_poses(poses)
-    if log_weights is None:
-        weights = Weights.uniform(len(particles))
-    else:
-        weights = Weights.from_log(log_weights)
-    if len(weights) != len(particles):
-        raise ValueError(f"log_weights: expected {len(particles)} as of poses, got {len(weights)}")
+    weights = Weights.of_poses(len(particles), log_weights)
     return summarize(particles, weights, method=method)

@@ -12,9 +12,7 @@ from pflut._jit import jit
 from pflut.geometry import FloatArray, as_poses
 
 TWO_PI = 2.0 * np.pi
-# pi/2 as the sum of two doubles: what the first one's rounding lost is in the second
-HALF_PI_HIGH = 1.5707963267948966
-HALF_PI_LOW = 6.123233995736766e-17
+HALF_PI = 0.5 * np.pi
 
 
 class MotionModel(Protocol):
@@ -56,8 +54,9 @@ def _move(
 
     ``motion`` is ``[direction, translation, rotation]`` in the robot's frame, ``stds`` those of
     direction, along, lateral and heading. The noise of the direction turns the robot as well.
-    The sine and cosine are written out (|error| < 3e-16, Taylor on [-pi/4, pi/4]) because the
-    library's are calls, and the compiler vectorises no loop with a call: three times faster.
+    The sine and cosine are written out (Taylor on [-pi/4, pi/4], to the last bit or two of an
+    angle in (-2 pi, 2 pi)) because the library's are calls, and the compiler vectorises no loop
+    with a call: three times faster.
     """
     direction, translation, rotation = motion[0], motion[1], motion[2]
     std_direction, std_along, std_lateral, std_heading = stds[0], stds[1], stds[2], stds[3]
@@ -68,7 +67,7 @@ def _move(
 
         angle = turned + direction
         quarter_turns = np.rint(angle * (2.0 / np.pi))
-        a = (angle - quarter_turns * HALF_PI_HIGH) - quarter_turns * HALF_PI_LOW
+        a = angle - quarter_turns * HALF_PI
         a2 = a * a
         s = -1.0 / 39916800.0 + a2 * (1.0 / 6227020800.0 - a2 / 1307674368000.0)
         s = -1.0 / 6.0 + a2 * (1.0 / 120.0 + a2 * (-1.0 / 5040.0 + a2 * (1.0 / 362880.0 + a2 * s)))
@@ -86,7 +85,8 @@ def _move(
         out[i, 0] = poses[i, 0] + along * cos - lateral * sin
         out[i, 1] = poses[i, 1] + along * sin + lateral * cos
         heading = turned + rotation + heading_normals[i] * std_heading
-        out[i, 2] = heading - TWO_PI * np.ceil((heading - np.pi) * (0.5 / np.pi))
+        wrapped = heading - TWO_PI * np.ceil((heading - np.pi) * (0.5 / np.pi))
+        out[i, 2] = heading if (heading > -np.pi) & (heading <= np.pi) else wrapped
 
 
 def _as_odometry(odometry: ArrayLike) -> tuple[float, float, float]:

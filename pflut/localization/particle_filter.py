@@ -225,15 +225,8 @@ class ParticleFilter:
             If shapes do not fit, a pose is not finite, a weight is NaN or +inf, or all are zero.
         """
         particles = as_poses(poses).copy()
-        if len(particles) == 0:
-            raise ValueError("poses: expected at least one")
         particles[:, 2] = wrap_to_pi(particles[:, 2])
-        if log_weights is None:
-            weights = Weights.uniform(len(particles))
-        else:
-            weights = Weights.from_log(log_weights)
-        if len(weights) != len(particles):
-            raise ValueError(f"log_weights: expected {len(particles)}, got {len(weights)}")
+        weights = Weights.of_poses(len(particles), log_weights)
         self._poses, self._weights, self.degenerate_updates = particles, weights, 0
 
     def initialize_uniform(

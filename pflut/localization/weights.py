@@ -62,7 +62,9 @@ class Weights:
 
     @classmethod
     def uniform(cls, n: int) -> Weights:
-        """Give n equal weights."""
+        """Give n >= 1 equal weights."""
+        if n < 1:
+            raise ValueError(f"weights: expected those of at least one particle, got {n}")
         return cls(np.full(n, -np.log(n)), np.full(n, 1.0 / n), float(n))
 
     @classmethod
@@ -92,6 +94,27 @@ class Weights:
                 "log_weights: expected numbers below +inf, at least one above -inf; "
                 f"got NaN or +inf {int((~(values < np.inf)).sum())} times in {values.size}"
             )
+        return weights
+
+    @classmethod
+    def of_poses(cls, n: int, log_weights: ArrayLike | None) -> Weights:
+        """Give the weights of n poses: equal ones where none are given.
+
+        Parameters
+        ----------
+        n : int
+            How many poses there are.
+        log_weights : array_like of shape (n,) or None
+            As in `from_log`.
+
+        Raises
+        ------
+        ValueError
+            As `from_log`, or if there are not n of them, or no pose at all.
+        """
+        weights = cls.uniform(n) if log_weights is None else cls.from_log(log_weights)
+        if len(weights) != n:
+            raise ValueError(f"log_weights: expected {n}, one a pose, got {len(weights)}")
         return weights
 
     def times(self, log_likelihood: FloatArray) -> Weights | None:
