@@ -186,18 +186,18 @@ def _vote(
         place = _find(x, y, h, keys)
         keys[place] = _key(x, y, h)
         votes[place] += 1
-    best = -1.0
+    best = -1
     for place in range(keys.shape[0]):
         if keys[place] == -1:
             continue
         x, y, h = keys[place] >> 34, (keys[place] >> 8) & 0x3FFFFFF, keys[place] & 0xFF
-        score = 0.0
+        score = 0
         for dx in range(-1, 2):
             for dy in range(-1, 2):
                 for dh in range(-1, 2):
                     neighbor = (h + dh + cells_of_heading) % cells_of_heading
                     found = _find(x + dx, y + dy, neighbor, keys)
-                    score += votes[found] * 0.5 ** (abs(dx) + abs(dy) + abs(dh))
+                    score += votes[found] << (3 - abs(dx) - abs(dy) - abs(dh))
         if score > best:
             best = score
             out[0] = left + (x - 0.5) * cell

@@ -90,6 +90,64 @@ def refine(bearings, scales, steps_per_scale, headings, information):  # type: i
 
 
 @jit
+def refine_pose(bearings, owners, references, scales, steps_per_scale, pose, information):  # type: ignore[no-untyped-def]
+    """Polish a pose with the correspondences of several references at once.
+
+    As `refine`, over [x, y, heading]: the headings of every reference follow from the pose.
+
+    ``bearings`` (n, 8), ``owners`` (n,) the rows of ``references`` (m, 3) that they belong to,
+    ``pose`` (3,) in and out, ``information`` (3, 3) out: J^T W J of the last step. Returns the
+    number of inliers.
+    """
+    row = np.empty(3)
+    slope = np.empty(3)
+    gradient = np.empty(3)
+    inliers = 0
+    for scale in scales:
+        for _ in range(steps_per_scale):
+            information[:] = 0.0
+            gradient[:] = 0.0
+            inliers = 0
+            for i in range(bearings.shape[0]):
+                reference = references[owners[i]]
+                dx = pose[0] - reference[0]
+                dy = pose[1] - reference[1]
+                # nearer than 2 cm the direction turns faster than any step can follow
+                square = max(dx * dx + dy * dy, 4e-4)
+                direction = np.arctan2(dy, dx)
+                theta = direction - reference[2]
+                phi = direction + np.pi - pose[2]
+                in_front = _residual(
+                    bearings[i], np.sin(theta), np.cos(theta), np.sin(phi), np.cos(phi), row
+                )
+                ratio = row[0] / scale
+                if not in_front or ratio * ratio >= 1.0:
+                    continue
+                inliers += 1
+                weight = (1.0 - ratio * ratio) ** 2
+                turn = row[1] + row[2]
+                slope[0] = -turn * dy / square
+                slope[1] = turn * dx / square
+                slope[2] = -row[2]
+                for j in range(3):
+                    gradient[j] += weight * slope[j] * row[0]
+                    for k in range(3):
+                        information[j, k] += weight * slope[j] * slope[k]
+            if inliers < 3:
+                return inliers
+            damped = information.copy()
+            for j in range(3):
+                damped[j, j] += 1e-4 * information[j, j] + 1e-9
+            step = np.linalg.solve(damped, gradient)
+            length = np.sqrt(step[0] * step[0] + step[1] * step[1] + step[2] * step[2])
+            step *= min(1.0, 0.2 / max(length, 1e-12))
+            pose -= step
+            if length < 1e-7:
+                break
+    return inliers
+
+
+@jit
 def chance_share(bearings, cutoff, lattice):  # type: ignore[no-untyped-def]
     """Give the share of correspondences that a pose taken at random has as inliers.
 

@@ -1,0 +1,235 @@
+"""The sensor model: how probable an image is at each of many poses, given reference images."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pflut.correspondences import Correspondences
+from pflut.features import Features, match_many
+from pflut.geometry import FloatArray, as_poses
+from pflut.localization.sensor_kernels import add_reference, link
+from pflut.posterior import Likelihood, check_temperature
+from pflut.reference_map import ReferenceMap
+
+if TYPE_CHECKING:
+    from pflut.features import FeatureExtractor
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceMatch:
+    """A reference and its correspondences with the image.
+
+    Parameters
+    ----------
+    index : int
+        Of the reference in the map.
+    correspondences : Correspondences
+        L is the reference, R the image.
+    """
+
+    index: int
+    correspondences: Correspondences
+
+
+class ReferenceImageModel:
+    """Log-likelihood of an image at poses, from the posteriors of its pairs with references.
+
+    An image is compared with the references near the poses; each pair gives a posterior over the
+    two headings, which a particle looks up at its own headings. The references' log-likelihoods
+    are added.
+
+    Parameters
+    ----------
+    reference_map : ReferenceMap
+    likelihood : LikelihoodTable
+    extractor : FeatureExtractor, optional
+        Turns images into features. Without it only features are taken as observations.
+    temperature : float
+        Factor on the log-likelihood in (0, 1]. The sum over correspondences and references takes
+        them as independent; they are not (one feature is matched with many references, one
+        repeated texture gives many mismatches). It reads as the share of the correspondences that
+        are independent evidence.
+    link_probability : float
+        In (0, 1): how probable it is beforehand that a reference within range shows the same
+        scene as the image. The rest is a floor under the likelihood, so that a wrong reference
+        costs a bounded amount.
+    max_references : int
+        So many references with the most matches enter the sum.
+    max_candidates : int
+        So many references are matched: the nearest to the poses; where more are near (a lost
+        robot in a large map), the most similar of them.
+    max_range : float
+        Metres. A reference says nothing about poses farther away; from 3/4 of it on it fades.
+    near_range : float
+        Metres. Nearer to a reference than this the direction to it fades out of the likelihood:
+        where the robot stands on the reference only the rotation is defined.
+    min_matches : int
+        References with fewer matches say nothing.
+    ratio : float
+        Of the ratio test, in (0, 1].
+    mutual : bool
+        Whether matches must be each other's nearest.
+
+    Raises
+    ------
+    ValueError
+        If an option is out of its range.
+    """
+
+    def __init__(
+        self,
+        reference_map: ReferenceMap,
+        likelihood: Likelihood,
+        *,
+        extractor: FeatureExtractor | None = None,
+        temperature: float = 0.3,
+        link_probability: float = 0.5,
+        max_references: int = 8,
+        max_candidates: int = 24,
+        max_range: float = 5.0,
+        near_range: float = 0.3,
+        min_matches: int = 4,
+        ratio: float = 0.8,
+        mutual: bool = False,
+    ) -> None:
+        check_temperature(temperature)
+        if not 0.0 < link_probability < 1.0:
+            raise ValueError(f"link_probability: expected in (0, 1), got {link_probability}")
+        for name, value in (
+            ("max_references", max_references),
+            ("max_candidates", max_candidates),
+            ("min_matches", min_matches),
+        ):
+            if value < 1:
+                raise ValueError(f"{name}: expected at least 1, got {value}")
+        if not 0.0 <= near_range < max_range:
+            raise ValueError(
+                f"near_range: expected in [0, max_range), got {near_range} of {max_range}"
+            )
+        if not 0.0 < ratio <= 1.0:
+            raise ValueError(f"ratio: expected in (0, 1], got {ratio}")
+        self.reference_map = reference_map
+        self.likelihood = likelihood
+        self.extractor = extractor
+        self.temperature = temperature
+        self.link_probability = link_probability
+        self.max_references = max_references
+        self.max_candidates = max_candidates
+        self.max_range = max_range
+        self.near_range = near_range
+        self.min_matches = min_matches
+        self.ratio = ratio
+        self.mutual = mutual
+
+    def observe(self, image: NDArray[np.uint8]) -> Features:
+        """Turn an image into the features that `log_likelihood` takes.
+
+        Parameters
+        ----------
+        image : ndarray of shape (H, W) or (H, W, 3), uint8
+
+        Returns
+        -------
+        Features
+
+        Raises
+        ------
+        ValueError
+            If the model has no extractor.
+        """
+        if self.extractor is None:
+            raise ValueError("observation: an image, but the model was made without an extractor")
+        return self.extractor(image)
+
+    def match(self, poses: ArrayLike, observation: Any) -> list[ReferenceMatch]:
+        """Match an image with the references worth comparing.
+
+        Parameters
+        ----------
+        poses : array_like of shape (N, 3)
+            Where the robot may be.
+        observation : Features or image
+
+        Returns
+        -------
+        list of ReferenceMatch
+            At most ``max_references``, the one with most matches first.
+        """
+        features = observation if isinstance(observation, Features) else self.observe(observation)
+        indices = self.reference_map.candidates(
+            features,
+            as_poses(poses),
+            max_range=self.max_range,
+            max_candidates=self.max_candidates,
+        )
+        pairs = match_many(
+            [self.reference_map.features[i] for i in indices],
+            features,
+            ratio=self.ratio,
+            mutual=self.mutual,
+        )
+        matches = [
+            ReferenceMatch(int(index), pair)
+            for index, pair in zip(indices, pairs, strict=True)
+            if len(pair) >= self.min_matches
+        ]
+        matches.sort(key=lambda match: (-len(match.correspondences), match.index))
+        return matches[: self.max_references]
+
+    def log_likelihood(self, poses: ArrayLike, observation: Any) -> FloatArray:
+        """Compute the log-likelihood of an observation at poses.
+
+        Parameters
+        ----------
+        poses : array_like of shape (N, 3)
+            ``[x, y, heading]`` in the map's frame.
+        observation : Features or image
+            Of the map's kind of features.
+
+        Returns
+        -------
+        ndarray of shape (N,)
+            Up to a constant: zero at a pose that no reference says anything about, so zero at all
+            poses without matches or out of every reference's range. Always finite.
+        """
+        checked = as_poses(poses)
+        return self.log_likelihood_of_matches(checked, self.match(checked, observation))
+
+    def log_likelihood_of_matches(
+        self, poses: ArrayLike, matches: Sequence[ReferenceMatch]
+    ) -> FloatArray:
+        """Compute the log-likelihood at poses where the matches are known.
+
+        Parameters
+        ----------
+        poses : array_like of shape (N, 3)
+        matches : sequence of ReferenceMatch
+
+        Returns
+        -------
+        ndarray of shape (N,)
+        """
+        checked = as_poses(poses)
+        total = np.zeros(len(checked))
+        bins = self.likelihood.bins
+        table = np.empty((bins + 1, bins + 1), np.float32)
+        rotation = np.empty(bins + 1, np.float32)
+        for match in matches:
+            grid = self.likelihood.log_likelihood_grid(match.correspondences)
+            link(grid, self.temperature, self.link_probability, table, rotation)
+            add_reference(
+                checked,
+                self.reference_map.poses[match.index],
+                table,
+                rotation,
+                self.near_range,
+                0.75 * self.max_range,
+                self.max_range,
+                total,
+            )
+        return total
