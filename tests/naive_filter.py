@@ -66,12 +66,11 @@ def normalize(log_weights):
 
 
 def moments(poses, weights, center, radius, angle):
-    sums = np.zeros(10)
+    sums = np.zeros((4, 4))
     for (x, y, h), w in zip(poses, weights, strict=True):
         d = np.array([x - center[0], y - center[1], wrap(h - center[2])])
         if np.hypot(d[0], d[1]) <= radius and abs(d[2]) <= angle:
-            second = np.outer(d, d)[np.triu_indices(3)]
-            sums += w * np.concatenate([[1.0], d, second])
+            sums += w * np.outer([1.0, *d], [1.0, *d])
     return sums
 
 

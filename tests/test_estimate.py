@@ -22,7 +22,7 @@ def test_moments_equal_their_naive_twin():
     weights = rng.random(500)
     for center in ([0.0, 0.0, 3.0], [1.0, -1.0, 0.0]):
         for radius, angle in ((1.0, 0.5), (0.1, 3.0), (np.inf, np.inf)):
-            out = np.empty(10)
+            out = np.empty((4, 4))
             module._moments(poses, weights, np.array(center), radius, angle, out)
             expected = naive.moments(poses, weights, center, radius, angle)
             np.testing.assert_allclose(out, expected, atol=1e-10)
@@ -166,8 +166,8 @@ def test_lost_is_finite_and_unsure():
         assert np.isfinite(result.covariance).all()
         assert (np.linalg.eigvalsh(result.covariance) > 0).all()
         assert result.confidence < 0.01
-        assert result.position_std > 10.0  # uniform over 100 m has 41 m
-        assert result.heading_std > 1.0
+        assert result.position_std > 40.0  # uniform over 100 m has 41 m around its middle
+        assert result.heading_std > 1.5
 
 
 def test_bad_input_is_refused():

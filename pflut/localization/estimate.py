@@ -41,13 +41,14 @@ class Estimate:
     pose : ndarray of shape (3,)
         ``[x, y, heading]``, metres and radians, heading in (-pi, pi].
     covariance : ndarray of shape (3, 3)
-        Of the particles in the cluster (or of all, for the method "mean") around ``pose``;
-        differences of headings are wrapped.
+        Of the particles in the cluster around ``pose``; of all particles for the method "mean",
+        and for a robot that is lost: where the cluster holds less than 5 % of the weight.
+        Differences of headings are wrapped.
     confidence : float
         Share of the weight within 0.5 m and 10 degrees of ``pose``, in [0, 1]: what the
         particles give for the probability that the pose is that good.
     cluster_weight : float
-        Share of the weight that the mean and the covariance were taken over, in (0, 1].
+        Share of the weight that the pose is the mean of, in (0, 1].
     effective_sample_size : float
         Of the weights before resampling, in [1, num_particles].
     num_particles : int
@@ -98,9 +99,9 @@ def _moments(
     angle: float,
     out: FloatArray,
 ) -> None:
-    """Sum 1, d, d d^T over the weighted poses in a window, d the difference from its center: O(N).
+    """Sum w e e^T over the poses in a window, e = [1, x, y, heading] from its center: O(N).
 
-    ``out`` (10,): weight, x, y, heading, xx, xy, xh, yy, yh, hh.
+    ``out`` (4, 4): so its first row holds the weight and the first moments.
     """
     center_x, center_y, center_h = center[0], center[1], center[2]
     radius2 = radius * radius
@@ -123,8 +124,10 @@ def _moments(
         wyy += w * y * y
         wyh += w * y * h
         whh += w * h * h
-    out[0], out[1], out[2], out[3], out[4] = w0, wx, wy, wh, wxx
-    out[5], out[6], out[7], out[8], out[9] = wxy, wxh, wyy, wyh, whh
+    out[0, 0], out[0, 1], out[0, 2], out[0, 3] = w0, wx, wy, wh
+    out[1, 0], out[1, 1], out[1, 2], out[1, 3] = wx, wxx, wxy, wxh
+    out[2, 0], out[2, 1], out[2, 2], out[2, 3] = wy, wxy, wyy, wyh
+    out[3, 0], out[3, 1], out[3, 2], out[3, 3] = wh, wxh, wyh, whh
 
 
 @jit
@@ -212,7 +215,7 @@ def _heaviest_cell(poses: FloatArray, weights: FloatArray) -> FloatArray:
     give the same cell), so its cost does not grow with their number.
     """
     draws = min(len(poses), MAX_DRAWS)
-    size = 1 << (2 * draws).bit_length()
+    size = 1 << (4 * draws).bit_length()
     keys = np.full(size, -1, dtype=np.int64)
     votes = np.zeros(size, dtype=np.int32)
     center = np.empty(3)
@@ -225,16 +228,15 @@ def _window(
     poses: FloatArray, weights: FloatArray, center: FloatArray, radius: float, angle: float
 ) -> tuple[float, FloatArray, FloatArray]:
     """Give the share of the weight in a window, the mean pose there and the covariance."""
-    sums = np.empty(10)
+    sums = np.empty((4, 4))
     _moments(poses, weights, center, radius, angle, sums)
-    share = float(sums[0])
+    share = float(sums[0, 0])
     if share <= 0.0:
         return 0.0, center, np.zeros((3, 3))
-    shift = sums[1:4] / share
-    second = sums[[[4, 5, 6], [5, 7, 8], [6, 8, 9]]] / share
-    covariance = second - np.outer(shift, shift)
-    # rounding may leave a variance of -1e-20 where all particles are one
-    np.fill_diagonal(covariance, np.maximum(covariance.diagonal(), 0.0))
+    shift = sums[0, 1:] / share
+    covariance = sums[1:, 1:] / share - shift[:, None] * shift
+    if covariance.diagonal().min() < 0.0:  # rounding, where all particles are one
+        np.fill_diagonal(covariance, np.maximum(covariance.diagonal(), 0.0))
     return share, center + shift, covariance
 
 
@@ -243,21 +245,25 @@ def _cluster(poses: FloatArray, weights: FloatArray) -> tuple[float, FloatArray,
 
     The window grows to three standard deviations of what it holds, so that a wide cluster is
     not cut; from one that stands apart it does not reach the others. Where it holds hardly
-    anything it doubles, so that the covariance of a lost robot is as wide as its particles.
+    anything the robot is lost: the covariance is then that of all particles around the pose.
     """
     center = _heaviest_cell(poses, weights)
     radius, angle = WINDOW_RADIUS, WINDOW_ANGLE
     for _ in range(MAX_PASSES):
         share, mean, covariance = _window(poses, weights, center, radius, angle)
-        held = 3.0 * np.sqrt(covariance.diagonal())
-        if share < SMALLEST_CLUSTER:
-            held = np.maximum(held, [2.0 * radius, 2.0 * radius, 2.0 * angle])
-        wanted_radius, wanted_angle = float(max(held[0], held[1])), min(float(held[2]), np.pi)
         rests = float(np.abs(mean - center).max()) < 1e-3
-        if rests and wanted_radius <= 1.05 * radius and wanted_angle <= 1.05 * angle:
-            break
         center = mean
-        radius, angle = max(radius, wanted_radius), max(angle, wanted_angle)
+        if share >= SMALLEST_CLUSTER:
+            held = 3.0 * np.sqrt(covariance.diagonal())
+            wanted_radius, wanted_angle = float(max(held[0], held[1])), min(float(held[2]), np.pi)
+            rests = rests and wanted_radius <= 1.05 * radius and wanted_angle <= 1.05 * angle
+            radius, angle = max(radius, wanted_radius), max(angle, wanted_angle)
+        if rests:
+            break
+    if share < SMALLEST_CLUSTER:
+        _, mean_of_all, covariance = _window(poses, weights, mean, np.inf, np.inf)
+        offset = mean_of_all - mean
+        covariance = covariance + offset[:, None] * offset
     return share, mean, covariance
 
 
@@ -312,8 +318,7 @@ def estimate_from_particles(
         "cluster": the heaviest cell of a coarse histogram (0.5 m, 20 degrees, neighbours
         counting), then the mean of the particles in a window around it (1 m, 30 degrees, or
         three standard deviations where that is more), moved to that mean until it rests. With
-        two hypotheses it gives one of them; with none, all particles that the window reaches
-        when it has grown. "mean": over all particles, the heading's by its
+        two hypotheses it gives one of them. "mean": over all particles, the heading's by its
         sine and cosine; with two hypotheses it lies between them.
 
     Returns
