@@ -112,6 +112,16 @@ def test_a_cluster_on_a_cell_edge_beats_a_lighter_one_inside_a_cell():
     np.testing.assert_allclose(result.pose, [0, 0, width], atol=0.02)
 
 
+def test_cells_of_heading_on_both_sides_of_zero_are_neighbors():
+    # the heavier cluster is split by the heading 0; the other one lies in a single cell
+    width = 2 * np.pi / module.CELLS_OF_HEADING
+    split = blob(600, [0.25, 0.25, 0.0], [0.02, 0.02, 0.05], 1)
+    inside = blob(400, [5.25, 5.25, 2.5 * width], [0.02, 0.02, 0.02], 2)
+    origin = [[-10.0, -10.0, 3.0]]
+    result = estimate_from_particles(np.concatenate([split, inside, origin]))
+    np.testing.assert_allclose(result.pose, [0.25, 0.25, 0.0], atol=0.02)
+
+
 def test_confidence_is_the_share_within_half_a_metre_and_ten_degrees():
     poses = np.zeros((100, 3))
     poses[80:90, 0] = 0.6
@@ -168,6 +178,10 @@ def test_lost_is_finite_and_unsure():
         assert result.confidence < 0.01
         assert result.position_std > 40.0  # uniform over 100 m has 41 m around its middle
         assert result.heading_std > 1.5
+        spread = poses - result.pose
+        spread[:, 2] = wrap_to_pi(spread[:, 2])
+        around = spread.T @ spread / 5000  # around the pose, which is not their mean
+        np.testing.assert_allclose(result.covariance[:2, :2], around[:2, :2], rtol=0.01)
 
 
 def test_bad_input_is_refused():

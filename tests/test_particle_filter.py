@@ -271,6 +271,21 @@ def test_many_particles_at_the_start():
     assert estimate.num_particles == 5000
     assert pf.poses.shape == (100, 3)
     assert pf.update([1.0, 1.0]).num_particles == 100
+    # even where all weigh the same
+    pf.initialize(np.zeros((50, 3)))
+    pf.sensor = Fixed()
+    assert pf.update(0.0).resampled
+    assert len(pf.poses) == 100
+    assert not pf.update(0.0).resampled
+
+
+def test_initialize_wraps_headings_and_copies():
+    pf = standing()
+    given = np.array([[0.0, 0.0, 4.0], [0.0, 0.0, -np.pi]])
+    pf.initialize(given, [0.0, np.log(3.0)])
+    np.testing.assert_allclose(pf.poses[:, 2], [4.0 - 2 * np.pi, np.pi])
+    np.testing.assert_allclose(pf.weights, [0.25, 0.75])
+    np.testing.assert_array_equal(given[:, 2], [4.0, -np.pi])
 
 
 def test_any_function_resamples():

@@ -84,6 +84,15 @@ def test_rounding_at_the_end_chooses_the_last_particle_with_weight(uniform):
         assert (np.diff(indices) >= 0).all()
 
 
+def test_a_point_on_an_edge_belongs_to_the_particle_behind_it():
+    weights = np.array([0.0, 1.0, 0.0, 1.0])
+    np.testing.assert_array_equal(systematic_indices(weights, 2, 0.0), [1, 3])
+    np.testing.assert_array_equal(systematic_indices(weights, 4, 0.0), [1, 1, 3, 3])
+    out = np.empty(2, dtype=np.int32)
+    resampling._merge_indices(weights, 3, 2.0, np.array([0.0, 1.0, 1.0]), out)
+    np.testing.assert_array_equal(out, [1, 3])
+
+
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("scale", [1e-31, 1.0, 1e30, 2e38])
 def test_scale_does_not_matter(resample, dtype, scale):
