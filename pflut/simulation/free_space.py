@@ -13,6 +13,7 @@ from pflut.simulation.layout import DEPTH, PARTITION, WIDTH, Opening, Room
 
 RESOLUTION = 0.05  # metres a cell
 MARGIN = 0.5  # metres of outside around the flat
+REACHABLE = 0.97  # share of the free floor that furniture must not cut off
 SHIFT = 4  # fractional bits of cv2.fillConvexPoly
 
 
@@ -44,9 +45,9 @@ class FreeSpace:
         )
 
     def points(self, cells: ArrayLike) -> FloatArray:
-        """Give the world positions (n, 2) of the centers of cells (row, column)."""
+        """Give the world positions (..., 2) of the centers of cells (row, column)."""
         array = np.asarray(cells, dtype=np.float64)
-        return np.asarray(self.origin + self.resolution * array[:, ::-1])
+        return np.asarray(self.origin + self.resolution * array[..., ::-1])
 
     def at(self, points: ArrayLike) -> FloatArray:
         """Give the clearance at points (n, 2) in metres, of the nearest cell."""
@@ -61,9 +62,7 @@ class FreeSpace:
         return cls(clearance, np.full(2, -MARGIN + 0.5 * RESOLUTION), RESOLUTION)
 
 
-def occupied_by_walls(
-    rooms: tuple[Room, ...], openings: tuple[Opening, ...]
-) -> NDArray[np.bool_]:
+def occupied_by_walls(rooms: tuple[Room, ...], openings: tuple[Opening, ...]) -> NDArray[np.bool_]:
     """Mark everything that is no room and no doorway.
 
     Returns
@@ -123,12 +122,15 @@ def footprint_mask(shape: tuple[int, ...], footprint: ArrayLike) -> NDArray[np.b
     return mask.astype(bool)
 
 
-def is_connected(
-    occupied: NDArray[np.bool_], places: FloatArray, radius: float
-) -> bool:
-    """Say whether a robot of a radius can go from any of the places (n, 2) to any other."""
+def is_connected(occupied: NDArray[np.bool_], places: FloatArray, radius: float) -> bool:
+    """Say whether a robot of a radius can go from any of the places (n, 2) to any other.
+
+    It must also reach nearly all of the floor that has room for it.
+    """
     space = FreeSpace.from_occupied(occupied)
     _, labels = cv2.connectedComponents((space.clearance > radius).astype(np.uint8), connectivity=4)
     row, column = space.cells(places).T
     found = np.unique(labels[row, column])
-    return bool(found.size == 1 and found[0] != 0)
+    if found.size != 1 or found[0] == 0:
+        return False
+    return bool((labels == found[0]).sum() >= REACHABLE * (labels > 0).sum())

@@ -172,7 +172,9 @@ class Furnisher:
         self.footprints += footprints
         return True
 
-    def _is_covered(self, wall: tuple[int, int], a: float, c: float, low: float, high: float) -> bool:
+    def _is_covered(
+        self, wall: tuple[int, int], a: float, c: float, low: float, high: float
+    ) -> bool:
         """Say whether something is at this place of a wall already."""
         return any(
             a < end and c > start and low < top and high > bottom
@@ -256,7 +258,12 @@ class Furnisher:
         pose = self._alone(room, "table", 0.5 * np.pi if turned else 0.0)
         if pose is None:
             return
-        for x, y, turn in ((0.2, 0.95, 0.0), (0.9, 0.95, 0.0), (0.6, -0.1, np.pi), (1.3, -0.1, np.pi)):
+        for x, y, turn in (
+            (0.2, 0.95, 0.0),
+            (0.9, 0.95, 0.0),
+            (0.6, -0.1, np.pi),
+            (1.3, -0.1, np.pi),
+        ):
             shift = self._small_rng().uniform(-0.06, 0.06, 2)
             local = [x + shift[0], y + abs(shift[1]) if y > 0 else y - abs(shift[1]), turn]
             # a chair's back is at its y = 0, so it is turned to have its back outside
@@ -294,7 +301,11 @@ class Furnisher:
             x, y, yaw, length = room.side(side)
             for attempt in range(int(2.2 * length)):
                 kind = int(rng.integers(8))
-                width, height, middle = float(rng.uniform(0.4, 0.85)), 0.0, float(rng.uniform(1.5, 1.7))
+                width, height, middle = (
+                    float(rng.uniform(0.4, 0.85)),
+                    0.0,
+                    float(rng.uniform(1.5, 1.7)),
+                )
                 height = width * float(rng.uniform(0.75, 1.25))
                 if kind == 0:
                     width, height = 0.6, 0.9
@@ -313,12 +324,31 @@ class Furnisher:
                 with b.placed(x, y, yaw), b.placed(start + width, 0.0, np.pi):
                     if kind == 0:
                         poster = self._kit.pick(stock.posters)
-                        b.box((0.0, width), (0.0, 0.008), (low, high), stock.white, front=poster, solid=False)
+                        b.box(
+                            (0.0, width),
+                            (0.0, 0.008),
+                            (low, high),
+                            stock.white,
+                            front=poster,
+                            solid=False,
+                        )
                     elif kind == 1:
                         b.quad((width, 0.02), (0.0, 0.02), low, high, stock.clock)
                     elif kind == 2:
-                        b.box((0.0, width), (0.0, 0.2), (low, low + 0.025), self._kit.pick(stock.woods))
+                        b.box(
+                            (0.0, width),
+                            (0.0, 0.2),
+                            (low, low + 0.025),
+                            self._kit.pick(stock.woods),
+                        )
                         clutter(self._kit, width, 0.2, low + 0.025, 4)
                     else:
                         picture = self._kit.pick(stock.pictures)
-                        b.box((0.0, width), (0.0, 0.03), (low, high), stock.black, front=picture, solid=False)
+                        b.box(
+                            (0.0, width),
+                            (0.0, 0.03),
+                            (low, high),
+                            stock.black,
+                            front=picture,
+                            solid=False,
+                        )

@@ -37,7 +37,9 @@ class Kit:
     rng: np.random.Generator
     small: Callable[[], np.random.Generator]
 
-    def pick(self, choices: tuple[Material, ...], rng: np.random.Generator | None = None) -> Material:
+    def pick(
+        self, choices: tuple[Material, ...], rng: np.random.Generator | None = None
+    ) -> Material:
         """Take one of several materials."""
         return choices[int((rng or self.rng).integers(len(choices)))]
 
@@ -78,7 +80,9 @@ def clutter(kit: Kit, width: float, depth: float, z: float, count: int) -> None:
                     b.box((-w / 2, w / 2), (-d / 2, d / 2), (top, top + thick), cover)
                     top += thick
             elif kind == 1:
-                b.cylinder((0.0, 0.0), 0.042, (z, z + 0.1), kit.pick((*stock.colors, stock.ceramic), rng))
+                b.cylinder(
+                    (0.0, 0.0), 0.042, (z, z + 0.1), kit.pick((*stock.colors, stock.ceramic), rng)
+                )
             elif kind == 2:
                 tall = float(rng.uniform(0.2, 0.3))
                 color = kit.pick(stock.colors, rng)
@@ -96,7 +100,9 @@ def clutter(kit: Kit, width: float, depth: float, z: float, count: int) -> None:
                 w = float(rng.uniform(0.06, 0.1))
                 b.box((-w, w), (-0.01, 0.01), (z, z + 2.6 * w), stock.white, front=image)
             else:
-                b.cylinder((0.0, 0.0), 0.12, (z, z + 0.07), kit.pick((stock.ceramic, *stock.colors), rng))
+                b.cylinder(
+                    (0.0, 0.0), 0.12, (z, z + 0.07), kit.pick((stock.ceramic, *stock.colors), rng)
+                )
 
 
 def sofa(kit: Kit) -> None:
@@ -108,7 +114,9 @@ def sofa(kit: Kit) -> None:
         b.box((x, x + 0.18), (0.24, 0.9), (0.42, 0.62), cloth)
     for k in range(int(kit.rng.integers(2, 4))):
         rng = kit.small()
-        with b.placed(0.4 + 0.55 * k + float(rng.uniform(-0.1, 0.1)), 0.33, float(rng.uniform(-0.3, 0.3))):
+        with b.placed(
+            0.4 + 0.55 * k + float(rng.uniform(-0.1, 0.1)), 0.33, float(rng.uniform(-0.3, 0.3))
+        ):
             cover = kit.pick(kit.stock.fabrics, rng)
             b.box((-0.2, 0.2), (-0.07, 0.07), (0.42, 0.80), cover)
 
@@ -153,7 +161,9 @@ def bookcase(kit: Kit) -> None:
             break
         if kit.rng.random() < 0.8:
             row = kit.pick(kit.stock.books)
-            b.box((0.03, 0.87), (0.05, 0.24), (z + 0.02, z + 0.02 + 0.27), kit.stock.white, front=row)
+            b.box(
+                (0.03, 0.87), (0.05, 0.24), (z + 0.02, z + 0.02 + 0.27), kit.stock.white, front=row
+            )
         else:
             with b.placed(0.05, 0.05):
                 clutter(kit, 0.8, 0.22, z + 0.02, 3)
@@ -228,7 +238,12 @@ def wardrobe(kit: Kit) -> None:
     for k in range(2):
         rng = kit.small()
         x = 0.15 + 0.7 * k + float(rng.uniform(0.0, 0.2))
-        b.box((x, x + 0.42), (0.08, 0.45), (2.15, 2.15 + float(rng.uniform(0.15, 0.3))), kit.stock.cardboard)
+        b.box(
+            (x, x + 0.42),
+            (0.08, 0.45),
+            (2.15, 2.15 + float(rng.uniform(0.15, 0.3))),
+            kit.stock.cardboard,
+        )
 
 
 def dresser(kit: Kit) -> None:
@@ -324,7 +339,9 @@ def plant(kit: Kit) -> None:
     leaves = kit.pick(kit.stock.foliage)
     for _ in range(4):
         x, y, z = kit.rng.uniform([0.1, 0.1, 0.7], [0.4, 0.4, 1.35])
-        b.sphere((float(x), float(y), float(z)), float(kit.rng.uniform(0.18, 0.28)), leaves, solid=False)
+        b.sphere(
+            (float(x), float(y), float(z)), float(kit.rng.uniform(0.18, 0.28)), leaves, solid=False
+        )
     b.solid((0.1, 0.4), (0.1, 0.4), (0.8, 1.3))
 
 

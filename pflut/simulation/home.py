@@ -11,7 +11,7 @@ from pflut.simulation.free_space import FreeSpace, footprint_mask, occupied_by_w
 from pflut.simulation.furnishing import Furnisher
 from pflut.simulation.layout import Opening, Room, plan_flat
 from pflut.simulation.scene import Scene, SceneBuilder
-from pflut.simulation.stock import make_stock
+from pflut.simulation.stock import Stock, make_stock
 from pflut.simulation.walls import build_view, build_walls, wall_segments
 
 
@@ -29,6 +29,8 @@ class Home:
     openings : tuple of Opening
         Doors (twice, once in the wall of each room) and windows.
     scene : Scene
+    stock : Stock
+        The materials, for what is added later.
     footprints : ndarray of shape (m, 5)
         What stands on the floor: x and y of the center, yaw, half the length, half the width.
     walls : ndarray of shape (s, 2, 2)
@@ -40,6 +42,7 @@ class Home:
     rooms: tuple[Room, ...]
     openings: tuple[Opening, ...]
     scene: Scene
+    stock: Stock
     footprints: FloatArray
     walls: FloatArray
 
@@ -79,6 +82,7 @@ class Home:
             rooms,
             openings,
             builder.finish(),
+            stock,
             np.array(furnisher.footprints).reshape(-1, 5),
             wall_segments(rooms, openings),
         )

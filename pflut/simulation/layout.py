@@ -213,7 +213,9 @@ def _windows(
             if room.kind == "bathroom":
                 width, bottom = 0.7, 1.35
             windows.append(
-                Opening(number, side, middle - 0.5 * width, middle + 0.5 * width, bottom, 2.15, False)
+                Opening(
+                    number, side, middle - 0.5 * width, middle + 0.5 * width, bottom, 2.15, False
+                )
             )
             if room.kind == "bathroom":
                 return windows

@@ -84,11 +84,25 @@ class LightMap:
         Light on each grid point: red, green, blue.
     emission : ndarray of shape (n,)
         Light that each surface sends out itself.
+    sources : LightSources
+        What it was made from.
     """
 
     surfaces: FloatArray
     values: NDArray[np.float32]
     emission: FloatArray
+    sources: LightSources
+
+    def with_surfaces(self, surfaces: FloatArray) -> LightMap:
+        """Add surfaces that move about (they throw no shadows), shape (k, raster.COLUMNS)."""
+        rows, points, normals = light_points(surfaces)
+        rows[:, raster.LIGHT] += len(self.values)
+        return LightMap(
+            np.concatenate([self.surfaces, rows]),
+            np.concatenate([self.values, self.sources.light(points, normals)]),
+            np.concatenate([self.emission, np.zeros(len(rows))]),
+            self.sources,
+        )
 
 
 @jit
@@ -225,6 +239,50 @@ def bake(  # type: ignore[no-untyped-def]
             values[i, channel] = light[channel]
 
 
+@dataclass(frozen=True, eq=False)
+class LightSources:
+    """What lights a home: everything that does not depend on the point to be lit.
+
+    Make it with ``LightSources.of``.
+    """
+
+    home: Home
+    lighting: Lighting
+    lamps: FloatArray
+    cells: NDArray[np.int64]
+    members: NDArray[np.int64]
+    grid: FloatArray
+
+    @classmethod
+    def of(cls, home: Home, lighting: Lighting) -> LightSources:
+        """Collect the light sources of a home."""
+        lamps = home.scene.lamps.copy()
+        lamps[:, 3] *= lighting.lamp_strengths(len(lamps))
+        return cls(home, lighting, lamps, *_grid_of_solids(home.scene.solids))
+
+    def light(self, points: FloatArray, normals: FloatArray) -> NDArray[np.float32]:
+        """Compute the light at points (l, 3) with normals (l, 3): red, green, blue, (l, 3)."""
+        scene = self.home.scene
+        sky = self.lighting.sky * SKY_COLOR
+        values = np.empty((len(points), 3), dtype=np.float32)
+        bake(
+            points,
+            normals,
+            _ambient(self.home, self.lamps, sky, points),
+            scene.solids,
+            self.cells,
+            self.members,
+            self.grid,
+            self.lamps[self.lamps[:, 3] > 0.0],
+            scene.windows[: len(scene.windows) if self.lighting.sky > 0.0 else 0],
+            2.2 * LAMP_COLOR,
+            9.0 * sky,
+            _directions(32),
+            values,
+        )
+        return values
+
+
 def make_light_map(home: Home, lighting: Lighting) -> LightMap:
     """Compute the light on all surfaces of a home.
 
@@ -237,29 +295,10 @@ def make_light_map(home: Home, lighting: Lighting) -> LightMap:
     -------
     LightMap
     """
-    scene = home.scene
-    surfaces, points, normals = light_points(scene.surfaces)
-    lamps = scene.lamps.copy()
-    lamps[:, 3] *= lighting.lamp_strengths(len(lamps))
-    sky = lighting.sky * SKY_COLOR
-    cells, members, grid = _grid_of_solids(scene.solids)
-    values = np.empty((len(points), 3), dtype=np.float32)
-    bake(
-        points,
-        normals,
-        _ambient(home, lamps, sky, points),
-        scene.solids,
-        cells,
-        members,
-        grid,
-        lamps[lamps[:, 3] > 0.0],
-        scene.windows[: len(scene.windows) if lighting.sky > 0.0 else 0],
-        2.2 * LAMP_COLOR,
-        9.0 * sky,
-        _directions(40),
-        values,
-    )
-    return LightMap(surfaces, values, emission_of(scene, lighting))
+    sources = LightSources.of(home, lighting)
+    surfaces, points, normals = light_points(home.scene.surfaces)
+    values = sources.light(points, normals)
+    return LightMap(surfaces, values, emission_of(home.scene, lighting), sources)
 
 
 def emission_of(scene: Scene, lighting: Lighting) -> FloatArray:
@@ -348,7 +387,6 @@ def _places(
         else:
             polar = np.pi * v[:, None]
             normal = np.sin(polar) * around + np.cos(polar) * up
-            places = origin + normal * [row[raster.LENGTH]] * 2 + [row[raster.SIZE]]
             places = origin + normal * np.array(
                 [row[raster.LENGTH], row[raster.LENGTH], row[raster.SIZE]]
             )
@@ -360,7 +398,9 @@ def _ambient(home: Home, lamps: FloatArray, sky: FloatArray, points: FloatArray)
     rooms = np.array([[r.x0, r.y0, r.x1, r.y1] for r in home.rooms])
     area = (rooms[:, 2] - rooms[:, 0]) * (rooms[:, 3] - rooms[:, 1])
     light = np.tile(0.05 * sky + 0.02, (len(rooms), 1))
-    light += 0.35 * _sum_by_room(rooms, lamps[:, :2], lamps[:, 3])[:, None] / area[:, None] * LAMP_COLOR
+    light += (
+        0.35 * _sum_by_room(rooms, lamps[:, :2], lamps[:, 3])[:, None] / area[:, None] * LAMP_COLOR
+    )
     inside = home.scene.windows[:, :2] + 0.5 * home.scene.windows[:, 3:5]
     glass = _sum_by_room(rooms, inside, home.scene.windows[:, 5] * home.scene.windows[:, 6])
     light += 2.2 * (glass / area)[:, None] * sky

@@ -123,6 +123,23 @@ def portrait(rng: np.random.Generator) -> Image:
     return _framed(rng, image)
 
 
+def face(rng: np.random.Generator) -> Image:
+    """A head all around, to be wrapped around a ball: the face is in the middle."""
+    skin = tuple(int(c) for c in np.array([225, 180, 145]) * rng.uniform(0.5, 1.05))
+    image = np.full((256, 512, 3), skin, dtype=np.uint8)
+    hair = _any_hue(rng, (0.1, 0.45))
+    cv2.rectangle(image, (0, 0), (511, 70), hair, -1)
+    for x0, x1 in ((0, 150), (362, 511)):
+        cv2.rectangle(image, (x0, 0), (x1, 175), hair, -1)
+    for x in (226, 286):
+        cv2.circle(image, (x, 112), 11, (245, 245, 245), -1, cv2.LINE_AA)
+        cv2.circle(image, (x, 112), 6, (30, 30, 40), -1, cv2.LINE_AA)
+        cv2.line(image, (x - 16, 92), (x + 16, 92), hair, 6, cv2.LINE_AA)
+    cv2.line(image, (256, 112), (250, 146), tuple(c // 2 for c in skin), 5, cv2.LINE_AA)
+    cv2.ellipse(image, (256, 172), (24, 7), 0, 0, 180, (150, 50, 50), 5, cv2.LINE_AA)
+    return image
+
+
 def poster(rng: np.random.Generator) -> Image:
     """A poster with a title, a shape and lines of text."""
     image = np.full((512, 256, 3), _any_hue(rng), dtype=np.uint8)

@@ -214,9 +214,7 @@ class SceneBuilder:
             half = 0.6 * radius
             self.solid((x - half, x + half), (y - half, y + half), (z - half, z + half))
 
-    def solid(
-        self, x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]
-    ) -> None:
+    def solid(self, x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]) -> None:
         """Add a body that throws shadows but has no surfaces."""
         cx, cy = self.to_world(0.5 * (x[0] + x[1]), 0.5 * (y[0] + y[1]))
         yaw = self._frame[2]
@@ -228,10 +226,14 @@ class SceneBuilder:
         self.lamps.append((*self.to_world(x, y), z, power))
         return len(self.lamps)
 
+    def rows(self) -> FloatArray:
+        """Give the surfaces so far, shape (n, raster.COLUMNS)."""
+        return np.array(self.surfaces, dtype=np.float64).reshape(-1, raster.COLUMNS)
+
     def finish(self) -> Scene:
         """Give the scene."""
         return Scene(
-            np.array(self.surfaces, dtype=np.float64).reshape(-1, raster.COLUMNS),
+            self.rows(),
             np.array(self.glow, dtype=np.int64),
             np.array(self.solids, dtype=np.float64).reshape(-1, 8),
             np.array(self.lamps, dtype=np.float64).reshape(-1, 4),

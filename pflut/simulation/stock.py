@@ -35,6 +35,7 @@ class Stock:
     rugs: tuple[Material, ...]
     curtains: tuple[Material, ...]
     views: tuple[Material, ...]
+    faces: tuple[Material, ...]
     clock: Material
     screen: Material
     radiator: Material
@@ -69,10 +70,18 @@ def make_stock(b: SceneBuilder, rng: np.random.Generator) -> Stock:
     -------
     Stock
     """
-    kitchen = vary(rng, [(0.88, 0.87, 0.82), (0.45, 0.55, 0.50), (0.62, 0.30, 0.26)][rng.integers(3)])
+    kitchen = vary(
+        rng, [(0.88, 0.87, 0.82), (0.45, 0.55, 0.50), (0.62, 0.30, 0.26)][rng.integers(3)]
+    )
     wardrobe = vary(rng, [(0.85, 0.82, 0.76), (0.55, 0.40, 0.28)][rng.integers(2)])
-    sofas = [hue(float(h), float(rng.uniform(0.15, 0.5)), float(rng.uniform(0.3, 0.75))) for h in rng.random(4)]
-    beds = [hue(float(h), float(rng.uniform(0.05, 0.4)), float(rng.uniform(0.7, 0.95))) for h in rng.random(3)]
+    sofas = [
+        hue(float(h), float(rng.uniform(0.15, 0.5)), float(rng.uniform(0.3, 0.75)))
+        for h in rng.random(4)
+    ]
+    beds = [
+        hue(float(h), float(rng.uniform(0.05, 0.4)), float(rng.uniform(0.7, 0.95)))
+        for h in rng.random(3)
+    ]
 
     def many(paint, count: int, width: float = 0.0, height: float | None = None, **options: bool):  # type: ignore[no-untyped-def]
         return tuple(b.material(paint(rng), width, height, **options) for _ in range(count))
@@ -89,7 +98,12 @@ def make_stock(b: SceneBuilder, rng: np.random.Generator) -> Stock:
         fabrics=tuple(b.material(materials.fabric(rng, color), 0.6) for color in sofas),
         bedding=tuple(b.material(materials.fabric(rng, color), 0.8) for color in beds),
         colors=tuple(
-            b.material(plain(rng, hue(k / 7.0, float(rng.uniform(0.4, 0.8)), float(rng.uniform(0.3, 0.8)))), 0.2)
+            b.material(
+                plain(
+                    rng, hue(k / 7.0, float(rng.uniform(0.4, 0.8)), float(rng.uniform(0.3, 0.8)))
+                ),
+                0.2,
+            )
             for k in range(7)
         ),
         foliage=many(prints.foliage, 2, cutout=True),
@@ -99,10 +113,15 @@ def make_stock(b: SceneBuilder, rng: np.random.Generator) -> Stock:
         packages=many(prints.package, 6),
         rugs=many(materials.rug, 3),
         curtains=tuple(
-            b.material(materials.curtain(rng, hue(float(rng.random()), float(rng.uniform(0.05, 0.45)), 0.75)))
+            b.material(
+                materials.curtain(
+                    rng, hue(float(rng.random()), float(rng.uniform(0.05, 0.45)), 0.75)
+                )
+            )
             for _ in range(3)
         ),
         views=tuple(b.material(prints.view_outside(rng), glow=SKY_GLOW) for _ in range(2)),
+        faces=many(prints.face, 3),
         clock=b.material(prints.clock(rng), cutout=True),
         screen=b.material(prints.screen(rng)),
         radiator=b.material(prints.radiator(rng)),
@@ -116,7 +135,9 @@ def make_stock(b: SceneBuilder, rng: np.random.Generator) -> Stock:
         washer=b.material(prints.washer(rng)),
         floors=_floors(b, rng),
         walls={
-            kind: b.material(materials.plaster(rng, vary(rng, WALL_TONES[int(rng.integers(4))], 0.01)), 2.0)
+            kind: b.material(
+                materials.plaster(rng, vary(rng, WALL_TONES[int(rng.integers(4))], 0.01)), 2.0
+            )
             if kind != "bathroom"
             else b.material(materials.tiles(rng, (0.88, 0.90, 0.91), ornament=0.06), 1.6)
             for kind in KINDS
@@ -127,10 +148,16 @@ def make_stock(b: SceneBuilder, rng: np.random.Generator) -> Stock:
 
 def _floors(b: SceneBuilder, rng: np.random.Generator) -> dict[str, Material]:
     """Choose each kind of room's floor; two rooms of a kind share theirs."""
-    boards = b.material(materials.planks(rng, vary(rng, WOOD_TONES[int(rng.integers(2))], 0.04)), 2.0)
-    blocks = b.material(materials.parquet(rng, vary(rng, WOOD_TONES[int(rng.integers(2))], 0.04)), 1.2)
+    boards = b.material(
+        materials.planks(rng, vary(rng, WOOD_TONES[int(rng.integers(2))], 0.04)), 2.0
+    )
+    blocks = b.material(
+        materials.parquet(rng, vary(rng, WOOD_TONES[int(rng.integers(2))], 0.04)), 1.2
+    )
     pile = b.material(materials.carpet(rng, hue(float(rng.random()), 0.2, 0.55)), 1.0)
-    squares = b.material(materials.checker(rng, (0.84, 0.82, 0.78), hue(float(rng.random()), 0.2, 0.35)), 1.6)
+    squares = b.material(
+        materials.checker(rng, (0.84, 0.82, 0.78), hue(float(rng.random()), 0.2, 0.35)), 1.6
+    )
     tiled = b.material(materials.tiles(rng, vary(rng, (0.66, 0.66, 0.64)), count=4), 1.2)
     return {
         "living": [boards, blocks][int(rng.integers(2))],
@@ -145,7 +172,10 @@ def _accents(b: SceneBuilder, rng: np.random.Generator) -> dict[str, Material]:
     """Choose the covering of one wall of each kind of room: bricks, wallpaper, tiles."""
     bricks = b.material(materials.brick(rng, vary(rng, (0.58, 0.36, 0.28), 0.05)), 1.6)
     papers = [
-        b.material(materials.wallpaper(rng, hue(float(rng.random()), float(rng.uniform(0.08, 0.3)), 0.8)), 1.0)
+        b.material(
+            materials.wallpaper(rng, hue(float(rng.random()), float(rng.uniform(0.08, 0.3)), 0.8)),
+            1.0,
+        )
         for _ in range(3)
     ]
     tiled = b.material(materials.tiles(rng, (0.90, 0.89, 0.85), ornament=0.12), 1.6)
