@@ -2,9 +2,8 @@
 
     python sims/filter_speed.py [N ...]
 
-Each figure is the median of several runs of this process on one core. The overhead is that of a
-whole step (motion, four landmarks' worth of nothing, weights, estimate, resampling) with a sensor
-that costs nothing.
+Each figure is the median of several runs in this process, on one core. A whole step is motion,
+weights, estimate and resampling, with a sensor that costs nothing.
 """
 
 from __future__ import annotations

@@ -15,13 +15,12 @@ from pflut.geometry import FloatArray
 def _add(log_weights: FloatArray, log_likelihood: FloatArray, out: FloatArray) -> float:
     """Add logarithms; give the highest sum, or NaN if a likelihood is NaN or +inf: O(N)."""
     highest = -np.inf
-    usable = True
     for i in range(out.shape[0]):
-        usable &= log_likelihood[i] < np.inf  # false for NaN, too
-        value = log_weights[i] + log_likelihood[i]
-        highest = max(highest, value)
-        out[i] = value
-    return highest if usable else np.nan
+        if not log_likelihood[i] < np.inf:  # so written, NaN ends it as well
+            return np.nan
+        out[i] = log_weights[i] + log_likelihood[i]
+        highest = max(highest, out[i])
+    return highest
 
 
 @jit
