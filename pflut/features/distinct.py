@@ -57,7 +57,10 @@ def distinct(features: Features, threshold: float) -> NDArray[np.bool_]:
 
 
 def unique_at_seam(
-    pixels: NDArray[np.float64], likeness: NDArray[np.float64], width: int, margin: float
+    pixels: NDArray[np.float64],
+    likeness: NDArray[np.float64],
+    width: int,
+    margin: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
     """Say which keypoints to keep of those found on both copies of a panorama's seam.
 
@@ -69,9 +72,9 @@ def unique_at_seam(
         The logarithm of the size, and the orientation in radians: copies agree in both.
     width : int
         Of the image.
-    margin : float
-        How far copies may differ, in pixels. A keypoint on the seam itself can fall on either
-        side of it in either copy.
+    margin : ndarray of shape (n,)
+        How far each keypoint's copies may lie apart, in pixels: one on the seam itself can fall
+        on either side of it in either copy.
 
     Returns
     -------
@@ -86,7 +89,7 @@ def unique_at_seam(
     difference = likeness[left, None] - likeness[None, right]
     turn = np.abs(np.angle(np.exp(1j * difference[..., 1])))
     same = (
-        (np.hypot(shift[..., 0], shift[..., 1]) < margin)
+        (np.hypot(shift[..., 0], shift[..., 1]) < margin[left, None])
         & (np.abs(difference[..., 0]) < 0.2)
         & (turn < 0.2)
     )

@@ -16,7 +16,7 @@ from pflut.features.features import Features
 from pflut.features.image import as_gray
 from pflut.geometry import FloatArray
 
-SIMILARITY_THRESHOLD = {"sift": 0.25, "orb": 0.05}
+SIMILARITY_THRESHOLD = {"sift": 0.25, "orb": 0.1}
 ORB_FEATURES = 1000
 ORB_SCALE = np.float32(1.2)
 SEAM_MARGIN = 1.5
@@ -45,7 +45,7 @@ class FeatureExtractor:
         Features of one image whose descriptors are nearer than this are dropped, see
         `pflut.features.distinct.distinct`; 0 keeps all. Without it 0.25 for SIFT (of unit
         vectors; true matches between images have 0.2 to 0.6, unrelated features 0.7 to 1.2) and
-        0.05 for ORB (a share of the bits).
+        0.1 for ORB (a share of the bits).
     mask_elevation : (float, float), optional
         Lowest and highest elevation in radians, in the robot frame, of the features to keep:
         leaves out a tripod, or the robot itself.
@@ -196,14 +196,18 @@ class FeatureExtractor:
         pixels = np.array([keypoint.pt for keypoint in keypoints], dtype=np.float64)
         padding, width = self._padding, self.camera.width
         if self.detector == "orb":
-            octave = np.array([keypoint.octave for keypoint in keypoints])
+            octave = np.array([keypoint.octave for keypoint in keypoints], dtype=np.float32)
+            scale = (ORB_SCALE**octave).astype(np.float64)
             size = np.array([width + 2 * padding, self.camera.height])
-            pixels = _from_orb_level(pixels, octave, size)
+            pixels = _from_orb_level(pixels, scale, size)
+            margin = SEAM_MARGIN * scale  # whole pixels of its level
+        else:
+            margin = np.full(len(pixels), SEAM_MARGIN)
         if not padding:
             return pixels, np.ones(len(pixels), dtype=np.bool_)
         pixels[:, 0] -= padding
         likeness = np.array([(np.log(k.size), np.deg2rad(k.angle)) for k in keypoints])
-        chosen = unique_at_seam(pixels, likeness, width, SEAM_MARGIN)
+        chosen = unique_at_seam(pixels, likeness, width, margin)
         pixels[:, 0] = (pixels[:, 0] + 0.5) % width - 0.5
         return pixels, chosen
 
@@ -218,15 +222,12 @@ class FeatureExtractor:
         return np.asarray(values / np.maximum(length, 1e-12), dtype=np.float32)
 
 
-def _from_orb_level(
-    pixels: FloatArray, octave: NDArray[np.int_], size: NDArray[np.int_]
-) -> FloatArray:
+def _from_orb_level(pixels: FloatArray, scale: FloatArray, size: NDArray[np.int_]) -> FloatArray:
     """Correct where OpenCV places ORB's keypoints of higher pyramid levels.
 
     It multiplies a level's coordinates by the nominal scale. But levels are resized so that
-    pixel borders coincide, not the centres of the first pixels, and to a rounded size: one to
+    pixel borders coincide, not the centers of the first pixels, and to a rounded size: one to
     two pixels at the highest levels.
     """
-    scale = (ORB_SCALE ** octave.astype(np.float32)).astype(np.float64)[:, None]
-    level_size = np.rint(size / scale)
-    return np.asarray((pixels / scale + 0.5) * (size / level_size) - 0.5)
+    level_size = np.rint(size / scale[:, None])
+    return np.asarray((pixels / scale[:, None] + 0.5) * (size / level_size) - 0.5)

@@ -135,7 +135,8 @@ class Features:
         """
         names = [item.name for item in fields(cls)]
         try:
-            with np.load(path, allow_pickle=False) as file:
+            # a file object of our own: NumPy leaks the one it opens where a file is broken
+            with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
                 version = int(file["format_version"])
                 if version != FORMAT_VERSION:
                     raise ValueError(f"format version {version}, expected {FORMAT_VERSION}")
