@@ -176,8 +176,10 @@ def test_seam_keeps_one_of_two_copies() -> None:
             [99.5 - 1e-3, 5.1],
             [-0.6, 9.0],  # a copy beyond the left border and its partner inside
             [99.4, 9.0],
-            [-0.6, 15.0],  # beyond the border, but its partner was not found
+            [-0.6, 15.0],  # beyond the border, and nothing like it on the other side
             [99.0, 15.0 + 4.0],
+            [-0.7, 22.0],  # two copies, both beyond the borders
+            [99.8, 22.0],
             [0.2, 30.0],  # same place, another size: another feature
             [100.2, 30.0],
             [-30.0, 3.0],  # deep in the padding
@@ -185,7 +187,7 @@ def test_seam_keeps_one_of_two_copies() -> None:
         ]
     )
     likeness = np.zeros((len(pixels), 2))
-    likeness[7, 0] = 1.0
+    likeness[9, 0] = 1.0
     likeness[1, 1] = 2 * np.pi  # an orientation, not a number
     keep = unique_at_seam(pixels, likeness, width, np.full(len(pixels), 1.5))
-    assert keep.tolist() == [1, 0, 1, 0, 1, 1, 1, 1, 1, 0, 0]
+    assert keep.tolist() == [1, 0, 1, 0, 1, 0, 1, 0, 1, 1, 0, 0, 0]

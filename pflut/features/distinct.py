@@ -79,19 +79,23 @@ def unique_at_seam(
     Returns
     -------
     ndarray of shape (n,), bool
-        True for the keypoints between the borders, none of them twice.
+        True for the keypoints between the borders, none of them twice; of copies the right
+        one, which may lie beyond the border by less than its margin.
     """
     u = pixels[:, 0]
-    keep = (u >= -0.5 - margin) & (u < width - 0.5 + margin)
-    left = np.flatnonzero(keep & (u < -0.5 + margin))
-    right = np.flatnonzero(keep & (u >= width - 0.5 - margin))
+    keep = (u >= -0.5) & (u < width - 0.5)
+    left = np.flatnonzero(np.abs(u + 0.5) < margin)
+    right = np.flatnonzero(np.abs(u + 0.5 - width) < margin)
+    if left.size == 0 or right.size == 0:
+        return keep
     shift = pixels[left, None] + (width, 0.0) - pixels[None, right]
+    distance = np.hypot(shift[..., 0], shift[..., 1])
     difference = likeness[left, None] - likeness[None, right]
     turn = np.abs(np.angle(np.exp(1j * difference[..., 1])))
-    same = (
-        (np.hypot(shift[..., 0], shift[..., 1]) < margin[left, None])
-        & (np.abs(difference[..., 0]) < 0.2)
-        & (turn < 0.2)
-    )
-    keep[left[same.any(axis=1)]] = False
+    same = (distance < margin[left, None]) & (np.abs(difference[..., 0]) < 0.2) & (turn < 0.2)
+    # a pair of copies stays once, wherever the two lie; what has no copy, if it is inside
+    found = same.any(axis=1)
+    partner = right[np.where(same, distance, np.inf).argmin(axis=1)]
+    keep[left[found]] = False
+    keep[partner[found]] = True
     return keep

@@ -151,10 +151,12 @@ class FeatureExtractor:
     def _padding(self) -> int:
         """Columns that are repeated beyond each side of a full panorama.
 
-        Enough for the descriptors of all but the largest features.
+        Enough for the descriptors of all but the largest features, and for the 31 pixels that
+        ORB leaves out along the border of every level.
         """
         width = self.camera.width
-        return min(width, max(64, width // 16)) if self.camera.horizontally_periodic else 0
+        least = 64 if self.detector == "sift" else 128
+        return min(width, max(least, width // 16)) if self.camera.horizontally_periodic else 0
 
     def _padded(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
         return np.pad(image, ((0, 0), (self._padding, self._padding)), mode="wrap")
