@@ -13,7 +13,10 @@ from pflut.camera import (
     Camera,
     CylindricalPanorama,
     EquirectangularPanorama,
+    Fisheye,
+    HyperbolicMirror,
     Mount,
+    OcamCalib,
     Perspective,
     load_camera,
 )
@@ -21,6 +24,9 @@ from pflut.geometry import bearing_vectors, wrap_to_pi
 
 TILTED = Mount(yaw=0.4, pitch=0.15, roll=-0.1, height=1.2)
 DISTORTION = (-0.28, 0.09, 0.0012, -0.0007, -0.01)
+
+OCAM_LENS = (-280.5, 0.0, 9.1e-4, -8.0e-7, 1.9e-9)
+OCAM_MIRROR = (-250.0, 0.0, 1.5e-3, 1.0e-7)
 
 CAMERAS: dict[str, Camera] = {
     "sphere": EquirectangularPanorama(1024, 512),
@@ -30,6 +36,29 @@ CAMERAS: dict[str, Camera] = {
     "cylinder": CylindricalPanorama(720, 200, -0.6, 0.5, mount=TILTED),
     "pinhole": Perspective(640, 480, 500.0, 510.0, 321.5, 238.25),
     "lens": Perspective(640, 480, 400.0, 405.0, 321.5, 238.25, DISTORTION, mount=TILTED),
+    "fisheye": Fisheye(640, 480, 200.0, 201.0, 318.0, 243.0, (-0.02, 0.004, -0.002, 2e-4)),
+    "ceiling": Fisheye(600, 600, 150.0, 150.0, 299.5, 300.0, max_angle=2.0, looks="up"),
+    "ocam lens": OcamCalib(
+        752, 480, 370.2, 236.7, OCAM_LENS, 1.0004, 2e-4, -3e-4, max_angle=1.7, mount=TILTED
+    ),
+    "ocam mirror": OcamCalib(
+        1024, 768, 515.3, 385.1, OCAM_MIRROR, looks="down", mirrored=True, max_angle=1.9
+    ),
+    "mirror": HyperbolicMirror(
+        640,
+        480,
+        0.97,
+        260.0,
+        261.0,
+        322.0,
+        238.0,
+        (-0.05, 0.01, 1e-3, -5e-4),
+        elevation_min=-1.4,
+        elevation_max=0.5,
+        mount=Mount(pitch=0.05, yaw=3.0),
+    ),
+    "parabola": HyperbolicMirror(640, 480, 1.0, 180.0, 180.0, 319.5, 239.5, mirrored=False),
+    "wide": HyperbolicMirror(640, 480, 1.6, 700.0, 700.0, 319.5, 239.5),
 }
 
 
@@ -49,7 +78,7 @@ def pixels_in(camera: Camera, n: int = 2000, seed: int = 0) -> np.ndarray:
 def test_bearings_come_back(camera: Camera) -> None:
     azimuth, elevation = camera.bearings(pixels_in(camera))
     seen = np.isfinite(azimuth)
-    assert seen.mean() > 0.7
+    assert seen.mean() > 0.4
     assert np.array_equal(seen, np.isfinite(elevation))
     assert ((azimuth[seen] >= 0.0) & (azimuth[seen] < 2 * np.pi)).all()
     azimuth, elevation = azimuth[seen], elevation[seen]
@@ -67,7 +96,7 @@ def test_pixels_come_back(camera: Camera) -> None:
     if camera.horizontally_periodic:
         period = camera.width
         difference[:, 0] = (difference[:, 0] + period / 2) % period - period / 2
-    assert seen.mean() > 0.7
+    assert seen.mean() > 0.4
     assert np.abs(difference).max() < 1e-6
 
 

@@ -9,10 +9,16 @@ _NAMES = {
     "Camera": "base",
     "CylindricalPanorama": "cylindrical",
     "EquirectangularPanorama": "equirectangular",
+    "Fisheye": "fisheye",
+    "HyperbolicMirror": "hyperbolic",
     "Mount": "mount",
+    "OcamCalib": "ocamcalib",
     "Perspective": "perspective",
+    "Unwrapper": "unwrap",
+    "default_panorama": "unwrap",
     "load_camera": "files",
     "save_camera": "files",
+    "unwrap_maps": "unwrap",
 }
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from pflut.camera.fields import check_fields
 from pflut.camera.mount import Mount
@@ -113,6 +113,12 @@ class Camera(ABC):
         from pflut.camera.files import save_camera
 
         save_camera(self, path)
+
+    def unwrap_maps(self, target: Camera) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Give the ``cv2.remap`` maps to a panorama (see `pflut.camera.unwrap.unwrap_maps`)."""
+        from pflut.camera.unwrap import unwrap_maps
+
+        return unwrap_maps(self, target)
 
     def _inside(self, pixels: FloatArray) -> FloatArray:
         """Replace pixels outside the image by NaN; a periodic image has no sides."""

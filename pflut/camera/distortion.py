@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pflut.camera.radial import first_positive_root
 from pflut.geometry import FloatArray
 
 MAX_ITERATIONS = 50
@@ -84,9 +85,9 @@ def fold_radius(coefficients: tuple[float, ...]) -> float:
         Infinity where the distortion is monotonic.
     """
     k1, k2, _, _, k3 = coefficients
-    roots = np.roots([7.0 * k3, 5.0 * k2, 3.0 * k1, 1.0])
-    real = roots.real[(np.abs(roots.imag) < 1e-12) & (roots.real > 0.0)]
-    return float(np.sqrt(real.min())) if real.size else float("inf")
+    turn = float(np.sqrt(first_positive_root([1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3])))
+    # at the turn itself the inverse is infinitely steep
+    return turn * (1.0 - 1e-6)
 
 
 def _newton_step(

@@ -20,6 +20,9 @@ MODELS: dict[str, tuple[str, str]] = {
     "equirectangular": ("pflut.camera.equirectangular", "EquirectangularPanorama"),
     "cylindrical": ("pflut.camera.cylindrical", "CylindricalPanorama"),
     "perspective": ("pflut.camera.perspective", "Perspective"),
+    "fisheye": ("pflut.camera.fisheye", "Fisheye"),
+    "hyperbolic": ("pflut.camera.hyperbolic", "HyperbolicMirror"),
+    "ocamcalib": ("pflut.camera.ocamcalib", "OcamCalib"),
 }
 
 
