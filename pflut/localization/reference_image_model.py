@@ -89,13 +89,13 @@ class ReferenceImageModel:
         extractor: FeatureExtractor | None = None,
         temperature: float = 0.3,
         link_probability: float = 0.5,
-        max_references: int = 8,
+        max_references: int = 10,
         max_candidates: int = 24,
         max_range: float = 5.0,
         near_range: float = 0.3,
         min_matches: int = 4,
         ratio: float = 0.8,
-        mutual: bool = False,
+        mutual: bool = True,
     ) -> None:
         check_temperature(temperature)
         if not 0.0 < link_probability < 1.0:

@@ -215,24 +215,161 @@ def _light(lights, s, u, v, rgb):  # type: ignore[no-untyped-def]
 
 
 @jit
+def _rows_of(s, near, far, height, top, step, rows):  # type: ignore[no-untyped-def]
+    """Give the first and the last sampled row that a surface may cover in a column."""
+    kind = s[KIND]
+    if kind == QUAD or kind == CYLINDER:
+        low, high = (s[Z] - height) / near, (s[Z] + s[SIZE] - height) / near
+    elif kind == SPHERE:
+        low, high = s[Z] - s[SIZE] - height, s[Z] + s[SIZE] - height
+        low /= near if low < 0.0 else far
+        high /= near if high > 0.0 else far
+    else:
+        low, high = (s[Z] - height) / near, (s[Z] - height) / far
+        if low > high:
+            low, high = high, low
+    first = max(int(np.ceil((top - np.arctan(high)) / step)), 0)
+    last = min(int(np.floor((top - np.arctan(low)) / step)), rows - 1)
+    return first, last
+
+
+@jit
+def _sphere_distance(s, near, far, height, tangent):  # type: ignore[no-untyped-def]
+    """Intersect a ray with an ellipsoid's slice, an ellipse between ``near`` and ``far``."""
+    squash = (s[LENGTH] / s[SIZE]) ** 2
+    middle, half = 0.5 * (near + far), 0.5 * (far - near)
+    rise = height - s[Z]
+    a = 1.0 + squash * tangent * tangent
+    b = squash * rise * tangent - middle
+    c = middle * middle + squash * rise * rise - half * half
+    if b * b < a * c:
+        return 1e30
+    distance = (-b - np.sqrt(b * b - a * c)) / a
+    return distance if distance > NEAREST else 1e30
+
+
+@jit
+def _is_hole(s, px, py, dx, dy, z, texels, levels):  # type: ignore[no-untyped-def]
+    """Say whether a surface's texture is transparent at a point."""
+    u, v = _texture_position(s, px, py, dx, dy, z)
+    start, log_w, log_h = levels[int(s[TEXTURE]), 0]
+    x = int(np.floor((u * s[SCALE_U] + s[OFFSET_U]) * (1 << log_w))) & ((1 << log_w) - 1)
+    y = int(np.floor((v * s[SCALE_V] + s[OFFSET_V]) * (1 << log_h))) & ((1 << log_h) - 1)
+    return texels[start + (y << log_w) + x, 3] < 128
+
+
+@jit
+def _scan_column(  # type: ignore[no-untyped-def]
+    surfaces, spans, order, closed, texels, levels,
+    camera, azimuth, top, step, tangents, distance, seen,
+):  # fmt: skip
+    """Find what a column of samples sees: the planar distance and the surface of each row."""
+    rows = tangents.size
+    height = camera[2]
+    ca, sa = np.cos(azimuth), np.sin(azimuth)
+    two_pi = 2.0 * np.pi
+    distance[:] = 1e30
+    seen[:] = -1
+    wall = 1e30
+    for k in range(order.size):
+        i = order[k]
+        if spans[i, 2] > wall:
+            break
+        offset = azimuth - spans[i, 0] + EPSILON  # the slack closes seams between neighbors
+        offset -= two_pi * np.floor(offset / two_pi)
+        if offset > spans[i, 1] + 2.0 * EPSILON:
+            continue
+        s = surfaces[i]
+        px, py = s[X] - camera[0], s[Y] - camera[1]
+        near, far = _planar_interval(s, px, py, ca, sa)
+        if far < near or far < NEAREST:
+            continue
+        near = max(near, NEAREST)
+        kind, solid = s[KIND], s[CUTOUT] == 0.0
+        first, last = _rows_of(s, near, far, height, top, step, rows)
+        if kind == QUAD and solid and s[Z] <= closed[0] and s[Z] + s[SIZE] >= closed[1]:
+            wall = min(wall, near)
+        for row in range(first, last + 1):
+            if kind == QUAD or kind == CYLINDER:
+                d = near
+            elif kind == SPHERE:
+                d = _sphere_distance(s, near, far, height, tangents[row])
+            else:
+                d = (s[Z] - height) / tangents[row]
+            if d >= distance[row]:
+                continue
+            if not solid and _is_hole(
+                s, px, py, d * ca, d * sa, height + d * tangents[row], texels, levels
+            ):
+                continue
+            distance[row] = d
+            seen[row] = i
+
+
+@jit
+def _shade(  # type: ignore[no-untyped-def]
+    s, glow, texels, levels, lights, camera, ca, sa, tangent, d, pixel, rgb, other, light
+):  # fmt: skip
+    """Give the light that comes from a surface at a planar distance: texture times light.
+
+    ``pixel`` is a pixel's angle in radians; the texture's level of detail is the one whose
+    texels are as large as a pixel's footprint, between the longer and the shorter side of it.
+    """
+    px, py = s[X] - camera[0], s[Y] - camera[1]
+    u, v = _texture_position(s, px, py, d * ca, d * sa, camera[2] + d * tangent)
+    _light(lights, s, u, v, light)
+    secant = np.sqrt(1.0 + tangent * tangent)
+    kind = s[KIND]
+    if kind == QUAD:
+        slope = max(abs(ca * s[UY] - sa * s[UX]), 0.05)
+        footprint_u, footprint_v = pixel * d / slope, pixel * d * secant * secant
+    elif kind == RECTANGLE or kind == DISC:
+        slope = max(abs(tangent) / secant, 0.05)
+        footprint_u, footprint_v = pixel * d, pixel * d * secant / slope
+    else:
+        footprint_u, footprint_v = pixel * d, pixel * d * secant
+    texture = int(s[TEXTURE])
+    texels_u = footprint_u * s[SCALE_U] * (1 << levels[texture, 0, 1])
+    texels_v = footprint_v * s[SCALE_V] * (1 << levels[texture, 0, 2])
+    level = 0.5 * np.log2(max(abs(texels_u * texels_v), 1e-6))
+    level = min(max(level, 0.0), levels.shape[1] - 1.001)
+    base = int(level)
+    blend = level - base
+    u = u * s[SCALE_U] + s[OFFSET_U]
+    v = v * s[SCALE_V] + s[OFFSET_V]
+    start, log_w, log_h = levels[texture, base]
+    _sample(texels, start, log_w, log_h, u, v, rgb)
+    if blend > 0.0:
+        start, log_w, log_h = levels[texture, base + 1]
+        _sample(texels, start, log_w, log_h, u, v, other)
+        for channel in range(3):
+            rgb[channel] += blend * (other[channel] - rgb[channel])
+    for channel in range(3):
+        rgb[channel] *= light[channel] + glow
+
+
+@jit
 def draw_columns(  # type: ignore[no-untyped-def]
     surfaces, spans, order, closed, texels, levels, lights, emission,
     camera, azimuths, elevations, supersampling, distance, seen, image,
 ):  # fmt: skip
-    """Draw a panorama: per column a depth buffer over the surfaces, then one shading a sample.
+    """Draw a panorama: a depth buffer per column of samples, then one shading a pixel.
+
+    A pixel whose samples all see one surface is shaded once, in its middle; at edges each sample
+    is shaded and the mean taken.
 
     Parameters
     ----------
     surfaces : ndarray of shape (n, COLUMNS)
     spans : ndarray of shape (n, 3)
         Of ``surface_spans``.
-    order : ndarray of shape (n,) int64
+    order : ndarray of shape (k,) int64
         The surfaces to draw by increasing smallest distance.
     closed : ndarray of shape (2,)
         Heights of the floor and the ceiling: a solid quad over all of it hides what is behind.
     texels : ndarray of shape (t, 4) uint8
         Of all textures and levels: red, green, blue (square roots of reflectances) and alpha.
-    levels : ndarray of shape (textures, levels + 1, 3) int64
+    levels : ndarray of shape (textures, levels, 3) int64
         First texel, log2 of width and log2 of height of each level; a repeated last level
         ends a short pyramid.
     lights : ndarray of shape (l, 3) float32
@@ -241,138 +378,67 @@ def draw_columns(  # type: ignore[no-untyped-def]
         Light a surface sends out itself, on top of what it reflects.
     camera : ndarray of shape (3,)
         x, y and height of the lens in metres.
-    azimuths : ndarray of shape (columns,)
-        World azimuth of each sampled column in radians.
-    elevations : ndarray of shape (rows,)
-        Of each sampled row in radians, equally spaced, decreasing.
+    azimuths : ndarray of shape (width * supersampling,)
+        World azimuth of each column of samples in radians.
+    elevations : ndarray of shape (height * supersampling,)
+        Of each row of samples in radians, equally spaced, decreasing.
     supersampling : int
         Samples along each side of a pixel.
-    distance, seen : ndarray of shape (rows,)
-        Scratch, float64 and int64: the planar distance and the surface at each row.
+    distance, seen : ndarray of shape (supersampling, height * supersampling)
+        Scratch, float64 and int64: the planar distance and the surface of each sample.
     image : ndarray of shape (height, width, 3) float32
-        In and out: the mean of the samples of each pixel is added to it (linear light).
+        Out: the mean of the samples of each pixel (linear light).
     """
-    rows = elevations.size
+    height, width = image.shape[0], image.shape[1]
+    n = supersampling
     top = elevations[0]
-    step = (elevations[0] - elevations[rows - 1]) / (rows - 1)
-    height = camera[2]
-    weight = 1.0 / (supersampling * supersampling)
+    step = (top - elevations[-1]) / (elevations.size - 1)
+    pixel = step * n
     tangents = np.tan(elevations)
-    cosines = np.cos(elevations)
+    middles = np.empty(height)
+    for y in range(height):
+        middles[y] = np.tan(0.5 * (elevations[y * n] + elevations[y * n + n - 1]))
     rgb = np.empty(3)
-    near_rgb = np.empty(3)
+    other = np.empty(3)
     light = np.empty(3)
-    two_pi = 2.0 * np.pi
-    max_level = levels.shape[1] - 1
-    for column in range(azimuths.size):
-        azimuth = azimuths[column]
+    for x in range(width):
+        for k in range(n):
+            _scan_column(
+                surfaces, spans, order, closed, texels, levels, camera,
+                azimuths[x * n + k], top, step, tangents, distance[k], seen[k],
+            )  # fmt: skip
+        azimuth = 0.5 * (azimuths[x * n] + azimuths[x * n + n - 1])
         ca, sa = np.cos(azimuth), np.sin(azimuth)
-        distance[:] = 1e30
-        seen[:] = -1
-        wall = 1e30
-        for k in range(order.size):
-            i = order[k]
-            if spans[i, 2] > wall:
-                break
-            offset = azimuth - spans[i, 0] + EPSILON  # the slack closes seams between neighbors
-            offset -= two_pi * np.floor(offset / two_pi)
-            if offset > spans[i, 1] + 2.0 * EPSILON:
+        for y in range(height):
+            first = seen[0, y * n]
+            alike = True
+            mean = 0.0
+            for k in range(n):
+                for row in range(y * n, y * n + n):
+                    alike = alike and seen[k, row] == first
+                    mean += distance[k, row]
+            image[y, x] = 0.0
+            if alike:
+                if first >= 0:
+                    _shade(
+                        surfaces[first], emission[first], texels, levels, lights, camera,
+                        ca, sa, middles[y], mean / (n * n), pixel, rgb, other, light,
+                    )  # fmt: skip
+                    for channel in range(3):
+                        image[y, x, channel] = rgb[channel]
                 continue
-            s = surfaces[i]
-            px, py = s[X] - camera[0], s[Y] - camera[1]
-            near, far = _planar_interval(s, px, py, ca, sa)
-            if far < near or far < NEAREST:
-                continue
-            kind = s[KIND]
-            near = max(near, NEAREST)
-            if kind == QUAD or kind == CYLINDER:
-                far = near
-                low, high = (s[Z] - height) / near, (s[Z] + s[SIZE] - height) / near
-            elif kind == SPHERE:
-                low, high = s[Z] - s[SIZE] - height, s[Z] + s[SIZE] - height
-                low /= near if low < 0.0 else far
-                high /= near if high > 0.0 else far
-            else:
-                low, high = (s[Z] - height) / near, (s[Z] - height) / far
-                if low > high:
-                    low, high = high, low
-            first = max(int(np.ceil((top - np.arctan(high)) / step)), 0)
-            last = min(int(np.floor((top - np.arctan(low)) / step)), rows - 1)
-            if kind == QUAD and s[CUTOUT] == 0.0 and s[Z] <= closed[0]:
-                if s[Z] + s[SIZE] >= closed[1]:
-                    wall = min(wall, near)
-            if s[CUTOUT] != 0.0:
-                texture = int(s[TEXTURE])
-                start, log_w, log_h = levels[texture, 0]
-            for row in range(first, last + 1):
-                if kind == QUAD or kind == CYLINDER:
-                    d = near
-                elif kind == SPHERE:
-                    # the slice of the ellipsoid is an ellipse around the interval's middle
-                    squash = (s[LENGTH] / s[SIZE]) ** 2
-                    middle, half = 0.5 * (near + far), 0.5 * (far - near)
-                    t, rise = tangents[row], height - s[Z]
-                    a = 1.0 + squash * t * t
-                    b = squash * rise * t - middle
-                    c = middle * middle + squash * rise * rise - half * half
-                    if b * b < a * c:
+            for k in range(n):
+                ck, sk = np.cos(azimuths[x * n + k]), np.sin(azimuths[x * n + k])
+                for row in range(y * n, y * n + n):
+                    i = seen[k, row]
+                    if i < 0:
                         continue
-                    d = (-b - np.sqrt(b * b - a * c)) / a
-                    if d < NEAREST:
-                        continue
-                else:
-                    d = (s[Z] - height) / tangents[row]
-                if d >= distance[row]:
-                    continue
-                if s[CUTOUT] != 0.0:
-                    u, v = _texture_position(s, px, py, d * ca, d * sa, height + d * tangents[row])
-                    u = u * s[SCALE_U] + s[OFFSET_U]
-                    v = v * s[SCALE_V] + s[OFFSET_V]
-                    x = int(np.floor(u * (1 << log_w))) & ((1 << log_w) - 1)
-                    y = int(np.floor(v * (1 << log_h))) & ((1 << log_h) - 1)
-                    if texels[start + (y << log_w) + x, 3] < 128:
-                        continue
-                distance[row] = d
-                seen[row] = i
-        for row in range(rows):
-            i = seen[row]
-            if i < 0:
-                continue
-            s = surfaces[i]
-            d = distance[row]
-            px, py = s[X] - camera[0], s[Y] - camera[1]
-            z = height + d * tangents[row]
-            u, v = _texture_position(s, px, py, d * ca, d * sa, z)
-            _light(lights, s, u, v, light)
-            # the footprint of a sample on the surface, along u and v mixed
-            length = d / cosines[row]
-            if s[KIND] == QUAD:
-                slope = max(abs(ca * s[UY] - sa * s[UX]), 0.05)
-                footprint_u, footprint_v = step * d / slope, step * length / cosines[row]
-            elif s[KIND] == RECTANGLE or s[KIND] == DISC:
-                slope = max(abs(tangents[row]) * cosines[row], 0.05)
-                footprint_u, footprint_v = step * d, step * length / slope
-            else:
-                footprint_u, footprint_v = step * d, step * length
-            texture = int(s[TEXTURE])
-            texels_u = footprint_u * s[SCALE_U] * (1 << levels[texture, 0, 1])
-            texels_v = footprint_v * s[SCALE_V] * (1 << levels[texture, 0, 2])
-            level = 0.5 * np.log2(max(abs(texels_u * texels_v), 1e-6))
-            level = min(max(level, 0.0), max_level - 0.001)
-            base = int(level)
-            blend = level - base
-            u = u * s[SCALE_U] + s[OFFSET_U]
-            v = v * s[SCALE_V] + s[OFFSET_V]
-            start, log_w, log_h = levels[texture, base]
-            _sample(texels, start, log_w, log_h, u, v, rgb)
-            if blend > 0.0:
-                start, log_w, log_h = levels[texture, base + 1]
-                _sample(texels, start, log_w, log_h, u, v, near_rgb)
-                for channel in range(3):
-                    rgb[channel] += blend * (near_rgb[channel] - rgb[channel])
-            y, x = row // supersampling, column // supersampling
-            for channel in range(3):
-                image[y, x, channel] += weight * rgb[channel] * (light[channel] + emission[i])
+                    _shade(
+                        surfaces[i], emission[i], texels, levels, lights, camera,
+                        ck, sk, tangents[row], distance[k, row], pixel, rgb, other, light,
+                    )  # fmt: skip
+                    for channel in range(3):
+                        image[y, x, channel] += rgb[channel] / (n * n)
 
 
 @jit

@@ -94,7 +94,7 @@ def render_linear(
     surface_spans(light_map.surfaces, lens, spans)
     order = np.flatnonzero(spans[:, 1] >= 0.0)
     order = order[np.argsort(spans[order, 2], kind="stable")]
-    image = np.zeros((camera.height, camera.width, 3), dtype=np.float32)
+    image = np.empty((camera.height, camera.width, 3), dtype=np.float32)
     draw_columns(
         light_map.surfaces,
         spans,
@@ -108,8 +108,8 @@ def render_linear(
         azimuths,
         elevations,
         supersampling,
-        np.empty(elevations.size),
-        np.empty(elevations.size, dtype=np.int64),
+        np.empty((supersampling, elevations.size)),
+        np.empty((supersampling, elevations.size), dtype=np.int64),
         image,
     )
     return image
