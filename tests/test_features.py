@@ -18,6 +18,9 @@ from pflut.features import (
 )
 from pflut.geometry import wrap_to_pi
 
+# uint64 products wrap in the bit count; NumPy says so where NUMBA_DISABLE_JIT is set
+pytestmark = pytest.mark.filterwarnings("ignore:overflow encountered:RuntimeWarning")
+
 PANORAMA = EquirectangularPanorama(512, 256)
 DETECTORS = ("sift", "orb")
 

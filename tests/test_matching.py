@@ -10,6 +10,9 @@ from pflut.correspondences import Correspondences
 from pflut.features import Features, match, match_indices, match_many
 from pflut.features.distinct import distinct, unique_at_seam
 
+# uint64 products wrap in the bit count; NumPy says so where NUMBA_DISABLE_JIT is set
+pytestmark = pytest.mark.filterwarnings("ignore:overflow encountered:RuntimeWarning")
+
 
 def features(
     rng: np.random.Generator, n: int, *, binary: bool = False, base: Features | None = None
