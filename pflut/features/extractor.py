@@ -43,9 +43,10 @@ class FeatureExtractor:
         detector needs a number, 1000.
     similarity_threshold : float, optional
         Features of one image whose descriptors are nearer than this are dropped, see
-        `pflut.features.distinct.distinct`; 0 keeps all. Without it 0.25 for SIFT (of unit
-        vectors; true matches between images have 0.2 to 0.6, unrelated features 0.7 to 1.2) and
-        0.1 for ORB (a share of the bits).
+        `pflut.features.distinct.distinct`; 0 keeps all. Without it 0.25 for SIFT (a distance of
+        unit vectors; on photographs true matches have some 0.1 to 0.4, unrelated features 0.6
+        to 1.0) and 0.1 for ORB (a share of the bits). That keeps some 90 % of the features of
+        an empty home with its repeated windows and tiles, and 97 % of those of a street.
     mask_elevation : (float, float), optional
         Lowest and highest elevation in radians, in the robot frame, of the features to keep:
         leaves out a tripod, or the robot itself.
