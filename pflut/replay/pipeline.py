@@ -1,0 +1,246 @@
+"""Replay a dataset: map, sensor model, filter, one step an image."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from pflut.datasets.base import Dataset
+from pflut.features import FeatureCache, FeatureExtractor
+from pflut.geometry import FloatArray
+from pflut.likelihood.table import LikelihoodTable
+from pflut.localization.localizer import Localizer, Step
+from pflut.localization.motion import DifferentialDrive, Omnidirectional
+from pflut.localization.particle_filter import ParticleFilter
+from pflut.localization.reference_image_model import ReferenceMatch
+from pflut.reference_map import ReferenceMap
+from pflut.replay.each import localize_each
+from pflut.replay.options import ReplayOptions
+from pflut.replay.prepare import prepare_dataset
+from pflut.replay.result import MatchedPair, ReplayResult, ReplayStep
+from pflut.replay.sensor import ReplaySensor
+
+#: Called as ``progress(stage, done, total)`` with the stages "table", "references", "images".
+Progress = Callable[[str, int, int], None]
+
+
+def replay_dataset(
+    dataset: Dataset,
+    options: ReplayOptions | None = None,
+    *,
+    table: LikelihoodTable | None = None,
+    leave_one_out: bool | None = None,
+    simulated_odometry: bool | None = None,
+    max_images: int | None = None,
+    cache: FeatureCache | None = None,
+    keep_particles: Container[int] = (),
+    on_step: Callable[[int, ReplayStep], None] | None = None,
+    progress: Progress | None = None,
+) -> ReplayResult:
+    """Localize the query images of a dataset in the map of its reference images.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    options : ReplayOptions, optional
+    table : LikelihoodTable, optional
+        By default the default table, or for other ``options.bins`` one that is learned.
+    leave_one_out, simulated_odometry : bool, optional
+        See `prepare_dataset`.
+    max_images : int, optional
+        Stop after so many query images.
+    cache : FeatureCache, optional
+        Features are looked up there, and kept.
+    keep_particles : container of int
+        The particles after these steps, as they were weighted or resampled, are kept in the
+        result.
+    on_step : callable, optional
+        Called as ``on_step(number, step)`` after each image.
+    progress : callable, optional
+        Called as ``progress(stage, done, total)``.
+
+    Returns
+    -------
+    ReplayResult
+        The same seed and options give the same steps, their timings aside.
+
+    Raises
+    ------
+    ValueError
+        If the dataset lacks what the replay needs, or an image does not decode.
+    """
+    options = ReplayOptions() if options is None else options
+    plan = prepare_dataset(
+        dataset,
+        options,
+        leave_one_out=leave_one_out,
+        simulated_odometry=simulated_odometry,
+        max_images=max_images,
+    )
+    dataset = plan.dataset
+    likelihood = make_table(options.bins, progress=progress) if table is None else table
+    extractor = make_extractor(dataset, options)
+    reference_map = make_map(dataset, extractor, cache=cache, progress=progress)
+    snapshots: dict[int, tuple[FloatArray, FloatArray]] = {}
+    skipped: tuple[int, ...] = ()
+    if plan.each_on_its_own:
+        total = len(dataset.query_indices)
+        located = localize_each(dataset, reference_map, likelihood, extractor, options, cache=cache)
+    else:
+        sensor = ReplaySensor(reference_map, likelihood, extractor, options, cache=cache)
+        pf = make_filter(dataset, sensor, options)
+        localizer = Localizer(dataset, pf)
+        total, skipped = len(localizer), localizer.skipped
+        located = _drive(localizer, sensor, keep_particles, snapshots)
+    if not total:
+        raise ValueError(f"{dataset.name}: no image to localize has odometry")
+
+    steps: list[ReplayStep] = []
+    pair: MatchedPair | None = None
+    for number, (step, matches) in enumerate(located):
+        counts = [len(match.correspondences) for match in matches]
+        if counts and (pair is None or counts[0] > len(pair.correspondences)):
+            reference = int(dataset.reference_indices[matches[0].index])
+            pair = MatchedPair(step.index, reference, matches[0].correspondences)
+        steps.append(ReplayStep(**vars(step), num_references=len(counts), num_matches=sum(counts)))
+        if on_step is not None:
+            on_step(number, steps[-1])
+        if progress is not None:
+            progress("images", len(steps), total)
+    return ReplayResult(
+        dataset=dataset,
+        options=options,
+        each_on_its_own=plan.each_on_its_own,
+        steps=tuple(steps),
+        skipped=skipped,
+        snapshots=snapshots,
+        pair=pair,
+    )
+
+
+def _drive(
+    localizer: Localizer,
+    sensor: ReplaySensor,
+    keep_particles: Container[int],
+    snapshots: dict[int, tuple[FloatArray, FloatArray]],
+) -> Iterator[tuple[Step, list[ReferenceMatch]]]:
+    """Drive the localizer; tell the stages of an update apart and keep some particles."""
+    for number, step in enumerate(localizer):
+        timings = dict(step.timings)
+        update = timings.pop("update")
+        timings |= sensor.seconds
+        timings["weights"] = update - sum(sensor.seconds.values())
+        if number in keep_particles:
+            snapshots[number] = (localizer.pf.poses, localizer.pf.log_weights)
+        yield replace(step, timings=timings), sensor.matches
+
+
+def make_table(bins: int, *, progress: Progress | None = None) -> LikelihoodTable:
+    """Give the default table, or one of another number of bins, learned from the simulator."""
+
+    def learned(done: int, total: int) -> None:
+        if progress is not None:
+            progress("table", done, total)
+
+    if bins == ReplayOptions.bins:
+        return LikelihoodTable.default(progress=learned)
+    return LikelihoodTable.from_simulation(bins=bins, progress=learned)
+
+
+def make_extractor(dataset: Dataset, options: ReplayOptions) -> FeatureExtractor:
+    """Make the extractor of a dataset's images."""
+    return FeatureExtractor(
+        dataset.camera,
+        detector=options.detector,
+        contrast_threshold=options.contrast_threshold,
+        max_features=options.max_features,
+        mask_elevation=dataset.mask_elevation,
+    )
+
+
+def make_map(
+    dataset: Dataset,
+    extractor: FeatureExtractor,
+    *,
+    cache: FeatureCache | None = None,
+    progress: Progress | None = None,
+) -> ReferenceMap:
+    """Build the map of a dataset's references, their features from the cache where it has them.
+
+    Raises
+    ------
+    ValueError
+        If the dataset has no references, or an image does not decode.
+    """
+    indices = dataset.reference_indices
+    if not len(indices) or dataset.ground_truth is None:
+        raise ValueError(
+            f"{dataset.name}: no reference images; expected a references file or an option such "
+            "as references='every:10'"
+        )
+    features = []
+    for index in indices:
+        image = dataset.image(int(index))
+        features.append(extractor(image) if cache is None else cache(extractor, image))
+        if progress is not None:
+            progress("references", len(features), len(indices))
+    names = tuple(dataset.image_paths[i].name for i in indices)
+    return ReferenceMap(dataset.ground_truth[indices], tuple(features), names)
+
+
+def make_filter(dataset: Dataset, sensor: ReplaySensor, options: ReplayOptions) -> ParticleFilter:
+    """Make the particle filter and start it where the options say.
+
+    Raises
+    ------
+    ValueError
+        If it is to start at the truth, and the first image has none.
+    """
+    pf = ParticleFilter(
+        make_motion(options),
+        sensor,
+        num_particles=options.num_particles,
+        resampling=options.resampling,
+        ess_threshold=options.ess_threshold,
+        rng=options.seed,
+    )
+    if options.start == "lost":
+        pf.initialize_uniform(sensor.reference_map.bounds(options.start_margin))
+        return pf
+    start = _true_start(dataset) if options.start == "truth" else np.array(options.start)
+    position, heading = options.start_position_std, options.start_heading_std
+    pf.initialize_gaussian(start, np.diag(np.square([position, position, heading])))
+    return pf
+
+
+def make_motion(options: ReplayOptions) -> DifferentialDrive | Omnidirectional:
+    """Make the motion model."""
+    noise = {
+        name: getattr(options, name)
+        for name in (
+            "rotation_noise_from_rotation",
+            "rotation_noise_from_translation",
+            "translation_noise_from_translation",
+            "translation_noise_from_rotation",
+            "position_noise",
+            "heading_noise",
+        )
+    }
+    if options.motion == "differential":
+        return DifferentialDrive(**noise)
+    return Omnidirectional(
+        **noise, strafe_noise_from_translation=options.strafe_noise_from_translation
+    )
+
+
+def _true_start(dataset: Dataset) -> FloatArray:
+    """Give the true pose of the first image that is replayed."""
+    if dataset.odometry is not None and dataset.ground_truth is not None:
+        measured = np.isfinite(dataset.odometry[dataset.query_indices]).all(axis=1)
+        for index in dataset.query_indices[measured][:1]:
+            truth: FloatArray = dataset.ground_truth[index]
+            if np.isfinite(truth).all():
+                return truth
+    raise ValueError(f"{dataset.name}: the first image has no true pose to start from")

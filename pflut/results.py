@@ -1,0 +1,213 @@
+"""The folder of a replay's results.
+
+``poses.tum``, ``groundtruth.tum`` and ``odometry.tum`` (trajectories, for ``evo_ape tum`` and the
+like), ``steps.csv`` (a row an image), ``metrics.json`` (the same seed gives the same bytes),
+``timings.json``, ``run.json`` (how it was made) and ``figures/``.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import re
+from collections.abc import Mapping
+from datetime import datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from pflut._files import write_text
+from pflut.environment import machine, versions
+from pflut.evaluation import trajectory_errors
+from pflut.geometry import FloatArray
+from pflut.replay.result import ReplayResult, ReplayStep
+from pflut.trajectory import Trajectory, write_tum
+
+
+def create_results_folder(
+    path: str | os.PathLike[str] | None, name: str, *, overwrite: bool = False
+) -> Path:
+    """Create the folder of a run.
+
+    Parameters
+    ----------
+    path : path, optional
+        By default ``results/<date>_<time>_<name>`` in the working directory.
+    name : str
+        Of the dataset; what no file name should hold becomes ``-``.
+    overwrite : bool
+        Whether ``path`` may hold something already; files of the same names are replaced.
+
+    Returns
+    -------
+    Path
+        An existing folder.
+
+    Raises
+    ------
+    FileExistsError
+        If it holds something.
+    """
+    if path is None:
+        slug = re.sub(r"[^A-Za-z0-9._]+", "-", name).strip("-.").lower() or "run"
+        stem = f"{datetime.now():%Y-%m-%d_%H%M%S}_{slug}"
+        folder = Path("results") / stem
+        count = 2
+        while folder.exists():
+            folder = folder.with_name(f"{stem}_{count}")
+            count += 1
+    else:
+        folder = Path(path)
+        if not overwrite and folder.is_dir() and any(folder.iterdir()):
+            raise FileExistsError(f"{folder}: holds something already, expected a new folder")
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+class StepsWriter:
+    """Writes ``steps.csv`` while a replay runs: each row is on disk before the next image.
+
+    Parameters
+    ----------
+    path : path
+        Replaced if it exists.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self._file = Path(path).open("w", encoding="utf-8", newline="")  # noqa: SIM115
+        self._rows = csv.writer(self._file, lineterminator="\n")
+        self._columns: list[str] = []
+
+    def __enter__(self) -> StepsWriter:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._file.close()
+
+    def add(self, number: int, step: ReplayStep) -> None:
+        """Write a step.
+
+        Parameters
+        ----------
+        number : int
+            Of the step, from 0.
+        step : ReplayStep
+        """
+        row = step_row(number, step)
+        if not self._columns:
+            self._columns = list(row)
+            self._rows.writerow(self._columns)
+        self._rows.writerow([_cell(row[column]) for column in self._columns])
+        self._file.flush()
+
+
+def step_row(number: int, step: ReplayStep) -> dict[str, float | int | None]:
+    """Give a step's row of ``steps.csv``: None where it has no ground truth."""
+    estimate = step.estimate
+    row: dict[str, float | int | None] = {
+        "step": number,
+        "image": step.index,
+        "stamp": step.stamp,
+        "x_m": float(estimate.pose[0]),
+        "y_m": float(estimate.pose[1]),
+        "heading_deg": float(np.degrees(estimate.pose[2])),
+    }
+    names = ("error_m", "error_deg", "along_track_m", "cross_track_m")
+    row |= dict.fromkeys(names)
+    if step.ground_truth is not None:
+        errors = trajectory_errors(estimate.pose[None], step.ground_truth[None])
+        values = (errors.position, np.degrees(errors.heading), errors.along_track)
+        row |= dict(zip(names, (float(v[0]) for v in (*values, errors.cross_track)), strict=True))
+    row |= {
+        "confidence": estimate.confidence,
+        "position_std_m": estimate.position_std,
+        "heading_std_deg": float(np.degrees(estimate.heading_std)),
+        "ess": estimate.effective_sample_size,
+        "resampled": int(estimate.resampled),
+        "degenerate": int(estimate.degenerate),
+        "references": step.num_references,
+        "matches": step.num_matches,
+    }
+    return row | {f"{stage}_ms": 1e3 * seconds for stage, seconds in step.timings.items()}
+
+
+def write_trajectories(folder: Path, result: ReplayResult) -> None:
+    """Write ``poses.tum``, and where they are known ``groundtruth.tum`` and ``odometry.tum``."""
+    _write_known(folder / "poses.tum", result.stamps, result.estimates)
+    if result.ground_truth is not None:
+        _write_known(folder / "groundtruth.tum", result.stamps, result.ground_truth)
+    if result.odometry_alone is not None:
+        _write_known(folder / "odometry.tum", result.stamps, result.odometry_alone)
+
+
+def write_results(folder: Path, result: ReplayResult) -> None:
+    """Write the trajectories, ``metrics.json`` and ``timings.json``."""
+    write_trajectories(folder, result)
+    write_json(folder / "metrics.json", result.metrics())
+    write_json(folder / "timings.json", {"seconds_per_image": result.timings()})
+
+
+def run_record(command: list[str], **about: Any) -> dict[str, Any]:
+    """Say how a result was made, for ``run.json``.
+
+    Parameters
+    ----------
+    command : list of str
+        As it was typed.
+    **about
+        Dataset, options and what else there is.
+
+    Returns
+    -------
+    dict
+        With the time, the versions and the machine.
+    """
+    return {
+        "command": command,
+        "started": datetime.now().astimezone().isoformat(timespec="seconds"),
+        **about,
+        "versions": versions(),
+        "machine": machine(),
+    }
+
+
+def write_json(path: str | os.PathLike[str], content: Mapping[str, Any]) -> None:
+    """Write a JSON file, atomically; numbers with all their digits."""
+    write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
+
+
+def read_json(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Read a JSON file that `write_json` wrote.
+
+    Raises
+    ------
+    ValueError
+        Naming the file, if it is none.
+    """
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: not a JSON file: {error}") from None
+    if not isinstance(content, dict):
+        raise ValueError(f"{path}: expected a JSON object, got {type(content).__name__}")
+    return content
+
+
+def _write_known(path: Path, stamps: FloatArray, poses: FloatArray) -> None:
+    known = np.isfinite(poses).all(axis=1)
+    write_tum(path, Trajectory(stamps[known], poses[known]))
+
+
+def _cell(value: float | int | None) -> str:
+    """Write a number so that it comes back to a tenth of a micrometre and a nanosecond."""
+    if value is None:
+        return ""
+    return str(value) if isinstance(value, int) else f"{value:.10g}"
