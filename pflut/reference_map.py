@@ -196,6 +196,17 @@ class ReferenceMap:
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
     @cached_property
+    def spacing(self) -> float:
+        """Median distance in metres from a reference to the nearest one at another place.
+
+        Infinite for a map of one place.
+        """
+        offsets = self.poses[:, None, :2] - self.poses[None, :, :2]
+        distance = np.hypot(offsets[..., 0], offsets[..., 1])
+        nearest = np.where(distance > 0.0, distance, np.inf).min(axis=1)
+        return float(np.median(nearest))
+
+    @cached_property
     def vocabulary(self) -> Vocabulary:
         """The visual words of this map, learned when first asked for."""
         return Vocabulary.learn([f.descriptors for f in self.features])

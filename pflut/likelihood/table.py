@@ -21,7 +21,7 @@ from pflut.likelihood.learning import (
     count_simulated,
     log_ratio_from_counts,
 )
-from pflut.likelihood.storage import read_table, write_table
+from pflut.likelihood.storage import VERSION, read_table, write_table
 from pflut.simulation.correspondences import CorrespondenceSimulator
 
 DEFAULT_BINS = 128
@@ -247,13 +247,17 @@ class LikelihoodTable:
         )
 
     @classmethod
-    def default(cls, *, progress: Progress | None = None) -> LikelihoodTable:
-        """Return the 128-bin table of the paper's simulator; no download.
+    def default(
+        cls, *, bins: int = DEFAULT_BINS, progress: Progress | None = None
+    ) -> LikelihoodTable:
+        """Return the table of the paper's simulator; no download.
 
         Learned at its first use (seconds) and kept in the user's cache folder (`pflut info`).
 
         Parameters
         ----------
+        bins : int
+            128 suits panoramas. Perspective cameras measure more sharply: 256.
         progress : callable, optional
             Called as ``progress(samples_done, samples_total)`` while the table is learned.
 
@@ -261,12 +265,12 @@ class LikelihoodTable:
         -------
         LikelihoodTable
         """
-        path = cache_dir() / f"table-v1-{DEFAULT_BINS}-{DEFAULT_SAMPLES}.npz"
+        num_samples = DEFAULT_SAMPLES * max(1, bins // DEFAULT_BINS)
+        path = cache_dir() / f"table-v{VERSION}-{bins}-{num_samples}.npz"
         try:
             return cls.load(path)
-        except (OSError, ValueError):
-            # not there yet, or spoilt: learn it (again)
-            table = cls.from_simulation(progress=progress)
+        except (OSError, ValueError):  # not there yet, or spoilt: learn it (again)
+            table = cls.from_simulation(bins=bins, num_samples=num_samples, progress=progress)
             table.save(path)
             return table
 

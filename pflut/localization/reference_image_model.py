@@ -19,6 +19,9 @@ from pflut.reference_map import ReferenceMap
 if TYPE_CHECKING:
     from pflut.features import FeatureExtractor
 
+RANGE_PER_SPACING = 6.0
+SINGLE_RANGE = 5.0
+
 
 @dataclass(frozen=True, eq=False)
 class ReferenceMatch:
@@ -63,8 +66,9 @@ class ReferenceImageModel:
     max_candidates : int
         So many references are matched: the nearest to the poses; where more are near (a lost
         robot in a large map), the most similar of them.
-    max_range : float
+    max_range : float, optional
         Metres. A reference says nothing about poses farther away; from 3/4 of it on it fades.
+        Default: six times the spacing of the references, and 5 m where there is but one.
     near_range : float
         Metres. Nearer to a reference than this the direction to it fades out of the likelihood:
         where the robot stands on the reference only the rotation is defined.
@@ -91,12 +95,15 @@ class ReferenceImageModel:
         link_probability: float = 0.5,
         max_references: int = 10,
         max_candidates: int = 24,
-        max_range: float = 5.0,
+        max_range: float | None = None,
         near_range: float = 0.3,
         min_matches: int = 4,
         ratio: float = 0.8,
         mutual: bool = True,
     ) -> None:
+        if max_range is None:
+            spacing = reference_map.spacing
+            max_range = RANGE_PER_SPACING * spacing if np.isfinite(spacing) else SINGLE_RANGE
         check_temperature(temperature)
         if not 0.0 < link_probability < 1.0:
             raise ValueError(f"link_probability: expected in (0, 1), got {link_probability}")
