@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import cv2
-import naive_vision
+import naive
 import numpy as np
 import pytest
 
@@ -70,7 +70,7 @@ def test_mirror_as_naive(xi: float) -> None:
     assert seen.sum() > 60
     for (x, y, z), pixel in zip(vectors[seen], pixels[seen], strict=True):
         # in the image: right is the robot's left, the lower border behind, the middle below
-        px, py = naive_vision.unified_projection((y, -x, -z), xi, k)
+        px, py = naive.unified_projection((y, -x, -z), xi, k)
         assert pixel == pytest.approx((260.0 * px + 322.0, 261.0 * py + 238.0), abs=1e-9)
 
 
@@ -114,7 +114,7 @@ def test_ocam_as_naive() -> None:
     pixels = rng.uniform((0, 0), (751, 479), (300, 2))
     vectors = bearing_vectors(*camera.bearings(pixels))
     for (u, v), vector in zip(pixels, vectors, strict=True):
-        row, column, depth = naive_vision.ocam_ray(u, v, (370.2, 236.7), polynomial, (c, d, e))
+        row, column, depth = naive.ocam_ray(u, v, (370.2, 236.7), polynomial, (c, d, e))
         expected = np.array([-depth, -column, -row])
         assert vector == pytest.approx(expected / np.linalg.norm(expected), abs=1e-12)
 

@@ -1,6 +1,6 @@
 """Estimates: clusters, headings around +-pi, covariances, confidence."""
 
-import naive_filter as naive
+import naive
 import numpy as np
 import pytest
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import naive_vision
+import naive
 import numpy as np
 import pytest
 
@@ -49,7 +49,7 @@ def test_match_as_naive(binary: bool, mutual: bool, ratio: float) -> None:
     rng = np.random.default_rng(0)
     reference = features(rng, 60, binary=binary)
     query = features(rng, 80, binary=binary, base=reference)
-    expected = naive_vision.ratio_matches(reference.descriptors, query.descriptors, ratio, mutual)
+    expected = naive.ratio_matches(reference.descriptors, query.descriptors, ratio, mutual)
     i, j, score = match_indices(reference, query, ratio=ratio, mutual=mutual)
     assert len(expected) > 20
     assert j.tolist() == sorted(expected)
@@ -78,7 +78,7 @@ def test_lengths_of_descriptors_count() -> None:
         )
         for f in (reference, query)
     ]
-    expected = naive_vision.ratio_matches(
+    expected = naive.ratio_matches(
         stretched[0].descriptors, stretched[1].descriptors, 1.0, True
     )
     i, j, _ = match_indices(*stretched, ratio=1.0, mutual=True)
@@ -154,7 +154,7 @@ def test_distinct_as_naive(binary: bool, threshold: float) -> None:
     places = rng.uniform(0.0, 12.0, (40, 2))  # some within 3 pixels
     some = Features(some.azimuth, some.elevation, some.descriptors, places, some.response)
     limit = threshold * 256 if binary else threshold
-    expected = naive_vision.distinct(some.descriptors, some.pixels, some.response, limit)
+    expected = naive.distinct(some.descriptors, some.pixels, some.response, limit)
     assert 3 < sum(expected) < 37
     assert distinct(some, threshold).tolist() == expected
     assert distinct(some, 0.0).all()

@@ -1,6 +1,6 @@
 """Motion models: exact means and variances, the cases that odometry models get wrong."""
 
-import naive_filter as naive
+import naive
 import numpy as np
 import pytest
 

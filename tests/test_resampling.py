@@ -1,6 +1,6 @@
 """Resampling: the contract of every scheme, exact offspring statistics, oracles."""
 
-import naive_filter as naive
+import naive
 import numpy as np
 import pytest
 

@@ -1,6 +1,6 @@
 """Weights: normalised without overflow, refused or None where none are left."""
 
-import naive_filter as naive
+import naive
 import numpy as np
 import pytest
 

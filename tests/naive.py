@@ -1,0 +1,419 @@
+"""Readable twins of every kernel: what it must compute, in loops and plain formulas.
+
+One part a part of the library: the vision kernels, the simulator, the table, the M-estimator, the
+sensor model, the particle filter. Nothing here is fast and nothing imports pflut.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+import numpy as np
+
+# --- vision ---------------------------------------------------------------------------------------
+
+
+def descriptor_distance(a: np.ndarray, b: np.ndarray) -> float:
+    """Hamming distance of bytes, else the Euclidean distance."""
+    if a.dtype == np.uint8:
+        return float(sum(bin(int(x) ^ int(y)).count("1") for x, y in zip(a, b, strict=True)))
+    return math.dist(a.astype(float), b.astype(float))
+
+
+def ratio_matches(
+    reference: np.ndarray, query: np.ndarray, ratio: float, mutual: bool
+) -> dict[int, tuple[int, float]]:
+    """Query index -> (reference index, score): Lowe's ratio test, best taker keeps."""
+    if len(reference) < 2:
+        return {}
+    table = np.array([[descriptor_distance(r, q) for r in reference] for q in query])
+    matches: dict[int, tuple[int, float]] = {}
+    takers: dict[int, tuple[int, float]] = {}
+    for j in range(len(query)):
+        first, second = np.argsort(table[j], kind="stable")[:2]
+        score = 1.0 if table[j, second] == 0.0 else table[j, first] / table[j, second]
+        if score >= ratio or (mutual and np.argmin(table[:, first]) != j):
+            continue
+        if int(first) not in takers or score < takers[int(first)][1]:
+            takers[int(first)] = (j, float(score))
+    for i, (j, score) in takers.items():
+        matches[j] = (i, score)
+    return matches
+
+
+def distinct(
+    descriptors: np.ndarray, pixels: np.ndarray, response: np.ndarray, limit: float
+) -> list[bool]:
+    """Both of a resembling pair go; of two at one place (3 pixels) only the weaker."""
+    n = len(descriptors)
+    keep = [True] * n
+    for i in range(n):
+        for j in range(i + 1, n):
+            if descriptor_distance(descriptors[i], descriptors[j]) >= limit:
+                continue
+            if math.dist(pixels[i], pixels[j]) < 3.0:
+                keep[i if response[i] < response[j] else j] = False
+            else:
+                keep[i] = keep[j] = False
+    return keep
+
+
+def unified_projection(
+    vector: tuple[float, float, float], xi: float, k: tuple[float, ...]
+) -> tuple[float, float]:
+    """The unified model after Mei: sphere, shifted center, Brown's distortion (k1 k2 p1 p2)."""
+    x, y, z = (component / math.hypot(*vector) for component in vector)
+    x, y = x / (z + xi), y / (z + xi)
+    k1, k2, p1, p2 = k
+    r2 = x * x + y * y
+    radial = 1 + k1 * r2 + k2 * r2 * r2
+    return (
+        x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+        y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
+    )
+
+
+def ocam_ray(
+    u: float,
+    v: float,
+    center: tuple[float, float],
+    polynomial: tuple[float, ...],
+    affine: tuple[float, float, float],
+) -> tuple[float, float, float]:
+    """OCamCalib's cam2world: (row, column, polynomial of the radius), not normalized."""
+    c, d, e = affine
+    # [row', column'] = [[c, d], [e, 1]] [row, column] + center
+    matrix = np.array([[c, d], [e, 1.0]])
+    row, column = np.linalg.solve(matrix, [v - center[1], u - center[0]])
+    rho = math.hypot(row, column)
+    return row, column, sum(a * rho**i for i, a in enumerate(polynomial))
+
+
+# --- the paper's simulator -----------------------------------------------------------------------
+
+
+class SplitMix:
+    """Sebastiano Vigna's splitmix64 with Python's own integers."""
+
+    def __init__(self, state):
+        self.state = int(state)
+
+    def uniform(self):
+        mask = 2**64 - 1
+        self.state = (self.state + 0x9E3779B97F4A7C15) & mask
+        z = self.state
+        z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & mask
+        z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & mask
+        return ((z ^ (z >> 31)) >> 11) / 2**53
+
+    def two_normals(self):
+        while True:
+            a, b = 2 * self.uniform() - 1, 2 * self.uniform() - 1
+            s = a * a + b * b
+            if 0 < s < 1:
+                return a * math.sqrt(-2 * math.log(s) / s), b * math.sqrt(-2 * math.log(s) / s)
+
+    def ball_point(self, radius):
+        while True:
+            point = np.array([2 * self.uniform() - 1 for _ in range(3)])
+            if point @ point <= 1:
+                return radius * point
+
+
+def rotation(axis, angle):
+    """Rotation matrix about a coordinate axis."""
+    i, j = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
+    matrix = np.eye(3)
+    matrix[i, i] = matrix[j, j] = math.cos(angle)
+    matrix[j, i], matrix[i, j] = math.sin(angle), -math.sin(angle)
+    return matrix
+
+
+def noisy_bearing(vector, across, upward):
+    """Azimuth and slope of a vector's direction, moved in the sphere's tangent plane."""
+    x, y, z = np.asarray(vector) / np.linalg.norm(vector)
+    planar = math.hypot(x, y)
+    east = np.array([-y, x, 0.0]) / planar
+    zenith = np.array([-z * x, -z * y, planar**2]) / planar
+    x, y, z = np.array([x, y, z]) + across * east + upward * zenith
+    return math.atan2(y, x), z / math.hypot(x, y)
+
+
+def simulate(state, pairs, n, *, mismatch, noise, max_tilt, radius):
+    """Headings (pairs, 2) and bearings (pairs, n, 4), by 3-D vectors and rotation matrices."""
+    random = SplitMix(state)
+    headings, bearings = np.empty((pairs, 2)), np.empty((pairs, n, 4))
+
+    def see(landmark, position, world_camera):
+        across, upward = random.two_normals()
+        vector = world_camera.T @ (landmark - position)
+        return noisy_bearing(vector, noise * across, noise * upward)
+
+    for p in range(pairs):
+        angles = [2 * math.pi * random.uniform() for _ in range(2)]
+        left, right = (np.array([math.cos(a), math.sin(a), 0.0]) for a in angles)
+        yaw_l, yaw_r = (2 * math.pi * random.uniform() for _ in range(2))
+        roll, pitch = (max_tilt * (2 * random.uniform() - 1) for _ in range(2))
+        x, y, _ = right - left
+        headings[p] = [math.atan2(y, x) - yaw_l, math.atan2(-y, -x) - yaw_r]
+        camera_l = rotation("z", yaw_l)
+        camera_r = rotation("z", yaw_r) @ (rotation("y", pitch) @ rotation("x", roll)).T
+        for i in range(n):
+            landmark = random.ball_point(radius)
+            bearings[p, i, :2] = see(landmark, left, camera_l)
+            if i < round(mismatch * n):
+                landmark = random.ball_point(radius)
+            bearings[p, i, 2:] = see(landmark, right, camera_r)
+    return headings % (2 * np.pi), bearings
+
+
+# --- the table: Algorithms 1 and 2 ---------------------------------------------------------------
+
+
+def cell(angle, bins):
+    return min(math.floor(angle % (2 * math.pi) / (2 * math.pi) * bins), bins - 1)
+
+
+def ratio_cell(slope_l, slope_r, ratio_bins):
+    """Cell of r and whether the views are exchanged, equations 2 and 10."""
+    exchanged = abs(slope_r) > abs(slope_l)
+    near, far = (slope_r, slope_l) if exchanged else (slope_l, slope_r)
+    r = far / near if near else 0.0
+    return min(math.floor((r + 1) / 2 * ratio_bins), ratio_bins - 1), exchanged
+
+
+def count(headings, bearings, weights, ratio_bins, bins):
+    """Algorithm 2, second loop."""
+    histogram = np.zeros((ratio_bins, bins, bins))
+    for (theta, phi), pair, weight in zip(headings, bearings, weights, strict=True):
+        for azimuth_l, slope_l, azimuth_r, slope_r in pair:
+            k, exchanged = ratio_cell(slope_l, slope_r, ratio_bins)
+            u = (cell(theta, bins) - cell(azimuth_l, bins)) % bins
+            v = (cell(phi, bins) - cell(azimuth_r, bins)) % bins
+            histogram[(k, v, u) if exchanged else (k, u, v)] += weight
+    return histogram
+
+
+def grid(table, correspondences):
+    """Algorithm 1: for every correspondence and every pose, one look-up."""
+    ratio_bins, bins, _ = table.shape
+    total = np.zeros((bins, bins))
+    c = correspondences
+    for k in range(len(c)):
+        slopes = math.tan(c.elevation_l[k]), math.tan(c.elevation_r[k])
+        r, exchanged = ratio_cell(*slopes, ratio_bins)
+        left, right = cell(c.azimuth_l[k], bins), cell(c.azimuth_r[k], bins)
+        for i in range(bins):
+            for j in range(bins):
+                u, v = (i - left) % bins, (j - right) % bins
+                total[i, j] += table[r, v, u] if exchanged else table[r, u, v]
+    return total
+
+
+def log_ratio(histogram, uniform):
+    """Log of p(u, v | r) over the uniform density, mirror images counted alike; no blur."""
+    ratio_bins, bins, _ = histogram.shape
+    out = np.zeros(histogram.shape)
+    for r in range(ratio_bins):
+        total = histogram[r].sum()
+        for u in range(bins):
+            for v in range(bins):
+                both = histogram[r, u, v] + histogram[r, -u % bins, -v % bins]
+                share = both / (2 * total) * bins**2 if total else 1.0
+                out[r, u, v] = math.log((1 - uniform) * share + uniform)
+    return out
+
+
+# --- the planar epipolar residual and the M-estimator --------------------------------------------
+
+
+def epipolar_value(bearing, theta, phi):
+    """The planar epipolar constraint; bearing: azimuth and elevation of L, then of R."""
+    azimuth_l, elevation_l, azimuth_r, elevation_r = bearing
+    left = math.sin(elevation_r) * math.cos(elevation_l) * math.sin(theta - azimuth_l)
+    return left + math.sin(elevation_l) * math.cos(elevation_r) * math.sin(phi - azimuth_r)
+
+
+def epipolar_residual(bearing, theta, phi):
+    """Value over the length of its gradient on the two spheres, by finite differences."""
+    step = 1e-6
+    gradient = []
+    for i in range(4):
+        # an azimuth moves the point by cos(elevation) of its own change
+        arc = step / math.cos(bearing[i + 1]) if i % 2 == 0 else step
+        moved = [np.array(bearing, float), np.array(bearing, float)]
+        moved[0][i] += arc
+        moved[1][i] -= arc
+        gradient.append(
+            (epipolar_value(moved[0], theta, phi) - epipolar_value(moved[1], theta, phi))
+            / (2 * step)
+        )
+    return epipolar_value(bearing, theta, phi) / np.linalg.norm(gradient), np.linalg.norm(gradient)
+
+
+def planar_depths(bearing, theta, phi):
+    """Planar distances of the landmark from L and R, the baseline being one: a linear system."""
+    azimuth_l, _, azimuth_r, _ = bearing
+    # in a frame with L in the origin and R at (1, 0): directions from L and from R
+    left, right = azimuth_l - theta, azimuth_r - phi + math.pi
+    rays = [[math.cos(left), -math.cos(right)], [math.sin(left), -math.sin(right)]]
+    return np.linalg.solve(rays, [1.0, 0.0])
+
+
+def biweight_cost(bearings, theta, phi, cutoff):
+    """Sum of Tukey's rho over the correspondences, those behind a view at the full penalty."""
+    cost = 0.0
+    for bearing in bearings:
+        ratio = epipolar_residual(bearing, theta, phi)[0] / cutoff
+        in_front = (planar_depths(bearing, theta, phi) > 0).all()
+        cost += 1 - (1 - ratio**2) ** 3 if in_front and abs(ratio) < 1 else 1.0
+    return cost
+
+
+def count_inliers(bearings, theta, phi, cutoff):
+    """Correspondences with a small residual and positive depths."""
+    return sum(
+        abs(epipolar_residual(b, theta, phi)[0]) < cutoff
+        and bool((planar_depths(b, theta, phi) > 0).all())
+        for b in bearings
+    )
+
+
+# --- the sensor model ----------------------------------------------------------------------------
+
+
+def link(log_grid, temperature, linked):
+    """What a particle is worth at each relative pose, and at each rotation alone."""
+    bins = len(log_grid)
+    table, turns = np.empty((bins, bins)), np.empty(bins)
+    for i in range(bins):
+        for j in range(bins):
+            there = math.log(linked) + temperature * log_grid[i, j]
+            table[i, j] = np.logaddexp(math.log(1 - linked), there)
+    for k in range(bins):
+        turns[k] = np.logaddexp.reduce([table[(j + k) % bins, j] for j in range(bins)])
+    return table, turns - math.log(bins)
+
+
+def bilinear(table, x, y):
+    """Interpolate a periodic table at fractional cell numbers."""
+    rows, columns = table.shape
+    i, j = math.floor(x), math.floor(y)
+    total = 0.0
+    for a, share_a in ((i, 1 - (x - i)), (i + 1, x - i)):
+        for b, share_b in ((j, 1 - (y - j)), (j + 1, y - j)):
+            total += share_a * share_b * table[a % rows, b % columns]
+    return total
+
+
+def reference_log_likelihood(pose, reference, table, turns, near, ramp, reach):
+    """One reference's part of the log-likelihood of one particle."""
+    bins = len(table)
+    dx, dy = pose[0] - reference[0], pose[1] - reference[1]
+    distance = math.hypot(dx, dy)
+    if distance >= reach:
+        return 0.0
+    theta = math.atan2(dy, dx) - reference[2]
+    phi = math.atan2(-dy, -dx) - pose[2]
+    # the rotation alone decides where the particle stands on the reference
+    psi = pose[2] - reference[2]
+    value = bilinear(table, theta * bins / (2 * math.pi) - 0.5, phi * bins / (2 * math.pi) - 0.5)
+    turned = bilinear(turns[:, None], (psi - math.pi) * bins / (2 * math.pi), 0.0)
+    if distance < near:
+        t = distance / near
+        value = turned + (3 * t**2 - 2 * t**3) * (value - turned)
+    return value * min(1.0, (reach - distance) / (reach - ramp))
+
+
+# --- the particle filter --------------------------------------------------------------------------
+
+
+def wrap(angle):
+    return np.pi - (np.pi - angle) % (2 * np.pi)
+
+
+def move(poses, normals, motion, stds):
+    """normals (4, N): direction, along, lateral, heading."""
+    direction, translation, rotation = motion
+    out = []
+    for i, (x, y, heading) in enumerate(poses):
+        d, a, s, h = normals[:, i] * stds
+        towards = heading + direction + d
+        along, lateral = translation + a, s
+        x += along * np.cos(towards) - lateral * np.sin(towards)
+        y += along * np.sin(towards) + lateral * np.cos(towards)
+        out.append([x, y, wrap(heading + d + rotation + h)])
+    return np.array(out)
+
+
+def point_indices(weights, points):
+    """The particle under each point of [0, 1), laid side by side with their shares as widths."""
+    edges = np.cumsum(weights) / np.sum(weights)
+    return np.array([int(np.argmax(edges > point)) for point in points])
+
+
+def systematic(weights, n, uniform):
+    return point_indices(weights, (np.arange(n) + uniform) / n)
+
+
+def stratified(weights, n, uniforms):
+    return point_indices(weights, (np.arange(n) + uniforms) / n)
+
+
+def multinomial(weights, n, spacings):
+    sums = np.cumsum(spacings)
+    return point_indices(weights, sums[:n] / sums[n])
+
+
+def residual(weights, n, draw):
+    """draw(weights, n) -> indices: how the rest is drawn."""
+    expected = n * np.asarray(weights) / np.sum(weights)
+    counts = np.floor(expected + 1e-9).astype(int)
+    rest = n - counts.sum()
+    if rest:
+        for j in draw(np.maximum(expected - counts, 0), rest):
+            counts[j] += 1
+    return np.repeat(np.arange(len(counts)), counts)
+
+
+def normalize(log_weights):
+    """Weights, log-weights, ESS, log of the sum."""
+    weights = np.exp(log_weights - np.max(log_weights))
+    total = weights.sum()
+    weights = weights / total
+    with np.errstate(divide="ignore"):
+        logs = np.log(weights)
+    return weights, logs, 1 / (weights**2).sum(), np.log(total) + np.max(log_weights)
+
+
+def moments(poses, weights, center, radius, angle):
+    sums = np.zeros((4, 4))
+    for (x, y, h), w in zip(poses, weights, strict=True):
+        d = np.array([x - center[0], y - center[1], wrap(h - center[2])])
+        if np.hypot(d[0], d[1]) <= radius and abs(d[2]) <= angle:
+            sums += w * np.outer([1.0, *d], [1.0, *d])
+    return sums
+
+
+def heaviest_cell(poses, cell, cells_of_heading):
+    """The occupied cell with most votes, a neighbour's halved a step: its center and votes."""
+    left, bottom = poses[:, 0].min(), poses[:, 1].min()
+    votes = Counter()
+    for x, y, h in poses:
+        turn = (h / (2 * np.pi)) % 1.0
+        votes[int((x - left) // cell), int((y - bottom) // cell), int(turn * cells_of_heading)] += 1
+
+    def score(key):
+        total = 0.0
+        for dx in (-1, 0, 1):
+            for dy in (-1, 0, 1):
+                for dh in (-1, 0, 1):
+                    other = (key[0] + dx, key[1] + dy, (key[2] + dh) % cells_of_heading)
+                    total += votes.get(other, 0) * 0.5 ** (abs(dx) + abs(dy) + abs(dh))
+        return total
+
+    best = max(votes, key=score)
+    width = 2 * np.pi / cells_of_heading
+    center = [left + (best[0] + 0.5) * cell, bottom + (best[1] + 0.5) * cell]
+    return np.array([*center, (best[2] + 0.5) * width]), score(best)
