@@ -29,7 +29,9 @@ def wrap_to_pi(angle: ArrayLike) -> Any:
     ndarray or float
         The same shape, in (-pi, pi].
     """
-    return np.pi - (np.pi - np.asarray(angle, dtype=np.float64)) % TWO_PI
+    wrapped = np.pi - (np.pi - np.asarray(angle, dtype=np.float64)) % TWO_PI
+    # just above an odd multiple of pi rounding gives -pi itself
+    return np.where(wrapped <= -np.pi, np.pi, wrapped)[()]
 
 
 def wrap_to_2pi(angle: ArrayLike) -> Any:
