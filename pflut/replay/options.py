@@ -91,10 +91,10 @@ class ReplayOptions:
         0.02, "SIFT's: lower finds more and weaker features", "features", "[0, 1)"
     )
     max_features: int | None = _option(
-        None, "keep so many strongest of an image", "features", "[1, inf)", type=int
+        None, "keep so many strongest of an image (default: all)", "features", "[1, inf)", type=int
     )
     ratio: float = _option(0.8, "of the ratio test of matches", "features", "(0, 1]")
-    mutual: bool = _option(False, "matches must be each other's nearest", "features")
+    mutual: bool = _option(True, "matches must be each other's nearest", "features")
 
     temperature: float = _option(
         0.3,
@@ -109,13 +109,17 @@ class ReplayOptions:
         "(0, 1)",
     )
     max_references: int = _option(
-        8, "references with the most matches that count", "sensor model", "[1, inf)"
+        10, "references with the most matches that count", "sensor model", "[1, inf)"
     )
     max_candidates: int = _option(
         24, "references that are matched with an image", "sensor model", "[1, inf)"
     )
-    max_range: float = _option(
-        5.0, "metres; a reference says nothing beyond", "sensor model", "(0, inf)"
+    max_range: float | None = _option(
+        None,
+        "metres; a reference says nothing beyond (default: six times the references' spacing)",
+        "sensor model",
+        "(0, inf)",
+        type=float,
     )
     near_range: float = _option(
         0.3, "metres; nearer to a reference only its rotation counts", "sensor model", "[0, inf)"
@@ -123,7 +127,13 @@ class ReplayOptions:
     min_matches: int = _option(
         4, "references with fewer matches say nothing", "sensor model", "[1, inf)"
     )
-    bins: int = _option(128, "of the likelihood table", "sensor model", "[4, 512]")
+    bins: int | None = _option(
+        None,
+        "of the likelihood table (default: 128 for panoramas, 256 for sharper, narrow cameras)",
+        "sensor model",
+        "[4, 512]",
+        type=int,
+    )
 
     search_spacing: float = _option(
         0.1, "metres between poses tried (leave one out)", "global search", "(0, inf)"

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pflut.camera.base import Camera
 from pflut.datasets.base import Dataset
 from pflut.features import FeatureCache, FeatureExtractor
 from pflut.geometry import FloatArray
@@ -24,6 +25,12 @@ from pflut.replay.sensor import ReplaySensor
 
 #: Called as ``progress(stage, done, total)`` with the stages "table", "references", "images".
 Progress = Callable[[str, int, int], None]
+
+#: The number under which the particles before the first step are kept.
+START = -1
+
+PANORAMA_BINS = 128
+NARROW_BINS = 256
 
 
 def replay_dataset(
@@ -46,7 +53,7 @@ def replay_dataset(
     dataset : Dataset
     options : ReplayOptions, optional
     table : LikelihoodTable, optional
-        By default the default table, or for other ``options.bins`` one that is learned.
+        By default the default table of as many bins as the options or the camera ask for.
     leave_one_out, simulated_odometry : bool, optional
         See `prepare_dataset`.
     max_images : int, optional
@@ -55,7 +62,7 @@ def replay_dataset(
         Features are looked up there, and kept.
     keep_particles : container of int
         The particles after these steps, as they were weighted or resampled, are kept in the
-        result.
+        result; those before the first one as number -1.
     on_step : callable, optional
         Called as ``on_step(number, step)`` after each image.
     progress : callable, optional
@@ -80,7 +87,7 @@ def replay_dataset(
         max_images=max_images,
     )
     dataset = plan.dataset
-    likelihood = make_table(options.bins, progress=progress) if table is None else table
+    likelihood = table or make_table(options.bins or camera_bins(dataset.camera), progress=progress)
     extractor = make_extractor(dataset, options)
     reference_map = make_map(dataset, extractor, cache=cache, progress=progress)
     snapshots: dict[int, tuple[FloatArray, FloatArray]] = {}
@@ -127,6 +134,8 @@ def _drive(
     snapshots: dict[int, tuple[FloatArray, FloatArray]],
 ) -> Iterator[tuple[Step, list[ReferenceMatch]]]:
     """Drive the localizer; tell the stages of an update apart and keep some particles."""
+    if START in keep_particles:
+        snapshots[START] = (localizer.pf.poses, localizer.pf.log_weights)
     for number, step in enumerate(localizer):
         timings = dict(step.timings)
         update = timings.pop("update")
@@ -138,15 +147,22 @@ def _drive(
 
 
 def make_table(bins: int, *, progress: Progress | None = None) -> LikelihoodTable:
-    """Give the default table, or one of another number of bins, learned from the simulator."""
+    """Give the default table of so many bins; it is learned from the simulator at its first use."""
 
     def learned(done: int, total: int) -> None:
         if progress is not None:
             progress("table", done, total)
 
-    if bins == ReplayOptions.bins:
-        return LikelihoodTable.default(progress=learned)
-    return LikelihoodTable.from_simulation(bins=bins, progress=learned)
+    return LikelihoodTable.default(bins=bins, progress=learned)
+
+
+def camera_bins(camera: Camera) -> int:
+    """Give the bins of a table that suit a camera.
+
+    A camera that sees less than the whole circle has more pixels a degree: its bearings, and the
+    headings that follow from them, are sharper than a panorama's.
+    """
+    return PANORAMA_BINS if camera.horizontally_periodic else NARROW_BINS
 
 
 def make_extractor(dataset: Dataset, options: ReplayOptions) -> FeatureExtractor:
