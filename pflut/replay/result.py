@@ -70,7 +70,7 @@ class ReplayResult:
     skipped : tuple of int
         Images left out, for they have no odometry.
     snapshots : mapping of int to (poses, log_weights)
-        Particles after some steps, by the step's number.
+        Particles after some steps, by the step's number; -1 before the first.
     pair : MatchedPair, optional
         Of the image and the reference that have the most matches.
     """
