@@ -28,8 +28,8 @@ from pflut.simulation.renderer import render_panorama
 RENDERER_VERSION = 1
 
 CAMERA = EquirectangularPanorama(
-    1024,
-    256,
+    768,
+    192,
     elevation_min=float(np.radians(-40.0)),
     elevation_max=float(np.radians(50.0)),
     mount=Mount(height=1.2),
@@ -178,10 +178,11 @@ def test_light(rng: np.random.Generator) -> Lighting:
     """
     lamps = np.where(rng.random(24) < 0.7, rng.uniform(0.7, 1.0, 24), 0.0)
     return Lighting(
-        sky=float(rng.uniform(0.3, 0.7)),
+        sky=float(rng.uniform(0.05, 0.35)),
         lamps=tuple(float(v) for v in lamps),
-        exposure=float(rng.uniform(0.85, 1.25)),
+        exposure=float(rng.uniform(0.9, 1.4)),
         warmth=float(rng.uniform(-0.03, 0.08)),
+        shot_noise=8e-3,
     )
 
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import zipfile
-import zlib
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pflut._files import replacing
+from pflut._files import read_arrays, replacing
 
 FORMAT = "pflut likelihood table"
 VERSION = 1
@@ -67,32 +65,32 @@ def read_table(path: str | os.PathLike[str]) -> tuple[NDArray[np.float32], dict[
     FileNotFoundError
         If there is no such file.
     """
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            if "format" not in file or str(file["format"]) != FORMAT:
-                raise ValueError(f"{path}: not a likelihood table of pflut")
-            version = int(file["version"])
-            if version != VERSION:
-                raise ValueError(
-                    f"{path}: table version {version}, expected {VERSION}; "
-                    "learn it again with 'pflut lut build' or upgrade pflut"
-                )
-            log_ratio = file["log_ratio"]
-            described = str(file["learned_from"])
-            checksum = str(file["checksum"])
-    except (zipfile.BadZipFile, zlib.error, EOFError, KeyError, TypeError) as error:
-        raise ValueError(f"{path}: truncated or damaged likelihood table ({error})") from error
-    except ValueError as error:
-        if str(path) in str(error):
-            raise
-        raise ValueError(f"{path}: not a likelihood table of pflut ({error})") from error
-    if log_ratio.dtype != np.float32 or log_ratio.ndim != 3:
+    stored = read_arrays(path, FORMAT)
+    if str(stored.get("format")) != FORMAT:
+        raise ValueError(f"{path}: not a {FORMAT}")
+    version = str(stored.get("version"))
+    if version != str(VERSION):
         raise ValueError(
-            f"{path}: expected log_ratio as (R, B, B) float32, "
-            f"got {log_ratio.shape} {log_ratio.dtype}"
+            f"{path}: table version {version}, expected {VERSION}; "
+            "learn it again with 'pflut lut build' or upgrade pflut"
+        )
+    missing = {"log_ratio", "learned_from", "checksum"} - stored.keys()
+    if missing:
+        raise ValueError(f"{path}: damaged {FORMAT}, without {', '.join(sorted(missing))}")
+    log_ratio, described = stored["log_ratio"], str(stored["learned_from"])
+    shape = log_ratio.shape
+    if log_ratio.dtype != np.float32 or len(shape) != 3 or not shape[0] or shape[1] != shape[2]:
+        raise ValueError(
+            f"{path}: expected log_ratio as (R, B, B) float32, got {shape} {log_ratio.dtype}"
         )
     if not np.isfinite(log_ratio).all():
         raise ValueError(f"{path}: the table holds numbers that are not finite")
-    if checksum != _checksum(log_ratio, described):
+    if str(stored["checksum"]) != _checksum(log_ratio, described):
         raise ValueError(f"{path}: checksum does not match, the file is damaged")
-    return log_ratio, json.loads(described)
+    try:
+        learned_from = json.loads(described)
+    except ValueError:
+        learned_from = None
+    if not isinstance(learned_from, dict):
+        raise ValueError(f"{path}: expected learned_from as a JSON object, got {described!r:.40}")
+    return log_ratio, learned_from

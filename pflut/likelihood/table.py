@@ -179,8 +179,9 @@ class LikelihoodTable:
             )
         else:
             # as many samples of either kind, weighted by their shares: less noise than drawing
-            mixed = (1.0 - simulator.mismatch) * learn(0.0, num_samples // 2, 0)
-            mixed += simulator.mismatch * learn(1.0, num_samples // 2, 1)
+            half = -(-num_samples // 2)
+            mixed = (1.0 - simulator.mismatch) * learn(0.0, half, 0)
+            mixed += simulator.mismatch * learn(1.0, half, 1)
             log_ratio = log_ratio_from_counts(mixed, uniform=EMPTY_CELL_SHARE)
         return cls(
             log_ratio,

@@ -7,7 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from pflut.geometry import compose
+from pflut.geometry import FloatArray, compose
+from pflut.simulation.changes import Changes
 from pflut.simulation.free_space import (
     footprint_mask,
     is_connected,
@@ -20,7 +21,6 @@ from pflut.simulation.scene import Material, SceneBuilder
 from pflut.simulation.stock import Stock
 
 DRIVING_RADIUS = 0.30  # metres: a robot of this radius gets everywhere between the furniture
-MOVED = 0.35  # share of the groups of small objects that are touched between two days
 
 # groups of pieces that stand side by side along a wall, by kind of room
 ALONG_WALLS = {
@@ -77,8 +77,8 @@ class Furnisher:
         The empty home.
     rng : Generator
         Decides what stays.
-    seed, rearrangement : int
-        Decide about small objects.
+    changes : Changes
+        Decide about small objects, chairs and rugs.
     """
 
     def __init__(
@@ -88,15 +88,14 @@ class Furnisher:
         rooms: tuple[Room, ...],
         openings: tuple[Opening, ...],
         rng: np.random.Generator,
-        seed: int,
-        rearrangement: int,
+        changes: Changes,
     ) -> None:
         self.footprints: list[list[float]] = []
         self._b, self._stock, self._rng = b, stock, rng
         self._rooms, self._openings = rooms, openings
-        self._seed, self._rearrangement = seed, rearrangement
-        self._groups = 0
-        self._kit = Kit(b, stock, rng, self._small_rng)
+        self._changes = changes
+        self._chairs: list[FloatArray] = []
+        self._kit = Kit(b, stock, rng, changes)
         self._occupied = occupied_by_walls(rooms, openings)
         self._kept_free = self._approaches()
         doors = [self._in_front(o, 0.0) for o in openings if o.is_door]
@@ -111,28 +110,21 @@ class Furnisher:
             self._covered[o.room, o.side].append(cover)
 
     def furnish(self) -> None:
-        """Furnish all rooms."""
+        """Furnish all rooms; what people move about comes last, so that nothing depends on it."""
         for number, room in enumerate(self._rooms):
             self._hang_lamp(room)
             if room.kind in ("kitchen", "living"):
-                self._dining_place(room, chairs=4 if room.kind == "kitchen" else 0)
+                self._dining_place(room)
             for group in ALONG_WALLS[room.kind]:
                 self._along_wall(number, group)
             if room.kind in ("study", "bedroom"):
-                self._alone(room, "chair", float(self._rng.uniform(0.0, 2.0 * np.pi)))
+                spot = self._rng.uniform([room.x0 + 0.6, room.y0 + 0.6], [room.x1 - 1, room.y1 - 1])
+                self._chairs.append(np.array([*spot, self._rng.uniform(0.0, 2.0 * np.pi)]))
             if room.kind != "kitchen":
                 self._lay_rug(room)
             self._decorate(number)
-
-    def _small_rng(self) -> np.random.Generator:
-        """Give the Generator of the next group of small objects."""
-        self._groups += 1
-        key = [self._seed, 2, self._groups]
-        if self._rearrangement:
-            day = np.random.default_rng([*key, self._rearrangement])
-            if day.random() < MOVED:
-                return day
-        return np.random.default_rng(key)
+        for pose in self._chairs:
+            self._put_chair(pose)
 
     def _in_front(self, opening: Opening, distance: float) -> tuple[float, float]:
         """Give the point in front of an opening's middle, inside its room."""
@@ -225,7 +217,7 @@ class Furnisher:
             front = compose(spots[0][0], [1.55, 1.35 + 0.6, np.pi])
             self._put("coffee table", front)
         if "desk" in names:
-            self._put("chair", compose(spots[0][0], [0.7, 1.05, np.pi + 0.2]))
+            self._chairs.append(compose(spots[0][0], [0.9, 1.1, np.pi]))
         return True
 
     def _put(self, name: str, pose: Iterable[float]) -> bool:
@@ -239,7 +231,7 @@ class Furnisher:
             piece.draw(self._kit)
         return True
 
-    def _alone(self, room: Room, name: str, yaw: float) -> Iterable[float] | None:
+    def _alone(self, room: Room, name: str, yaw: float) -> FloatArray | None:
         """Put a piece somewhere into a room; returns its pose, or None."""
         for _ in range(20):
             x = float(self._rng.uniform(room.x0 + 0.6, room.x1 - 0.6))
@@ -250,25 +242,30 @@ class Furnisher:
                 return pose
         return None
 
-    def _dining_place(self, room: Room, chairs: int) -> None:
+    def _dining_place(self, room: Room) -> None:
         """Put a table into a room with chairs around it."""
         turned = room.y1 - room.y0 > room.x1 - room.x0
-        if chairs == 0 and room.area < 18.0:
+        if room.kind == "living" and room.area < 18.0:
             return
         pose = self._alone(room, "table", 0.5 * np.pi if turned else 0.0)
         if pose is None:
             return
+        # a chair's back is at its y = 0: half a turn has it away from the table
         for x, y, turn in (
-            (0.2, 0.95, 0.0),
-            (0.9, 0.95, 0.0),
-            (0.6, -0.1, np.pi),
-            (1.3, -0.1, np.pi),
+            (0.6, 1.36, np.pi),
+            (1.3, 1.36, np.pi),
+            (0.2, -0.51, 0),
+            (0.9, -0.51, 0),
         ):
-            shift = self._small_rng().uniform(-0.06, 0.06, 2)
-            local = [x + shift[0], y + abs(shift[1]) if y > 0 else y - abs(shift[1]), turn]
-            # a chair's back is at its y = 0, so it is turned to have its back outside
-            turned_seat = compose(local, [0.42, 0.42, np.pi])
-            self._put("chair", compose(pose, turned_seat))
+            self._chairs.append(compose(pose, [x, y, turn]))
+
+    def _put_chair(self, pose: FloatArray) -> None:
+        """Put a chair about where it belongs, or exactly there if that is too tight."""
+        away = self._changes().normal(0.0, [0.10, 0.10, 0.25])
+        # turned about the middle of its seat
+        seat = compose(pose, [0.21, 0.21, 0.0]) + away
+        if not self._put("chair", compose(seat, [-0.21, -0.21, 0.0])):
+            self._put("chair", pose)
 
     def _hang_lamp(self, room: Room) -> None:
         """Hang a lamp from the middle of the ceiling."""
@@ -291,7 +288,9 @@ class Furnisher:
         x = 0.5 * (room.x0 + room.x1) + float(rng.uniform(-0.3, 0.3))
         y = 0.5 * (room.y0 + room.y1) + float(rng.uniform(-0.3, 0.3))
         rug = self._stock.rugs[int(rng.integers(len(self._stock.rugs)))]
-        with self._b.placed(x, y, (0.5 * np.pi if turned else 0.0) + float(rng.normal(0.0, 0.04))):
+        shift = self._changes().normal(0.0, [0.12, 0.12, 0.06])
+        yaw = (0.5 * np.pi if turned else 0.0) + float(shift[2])
+        with self._b.placed(x + float(shift[0]), y + float(shift[1]), yaw):
             self._b.rectangle((-0.5 * long, -0.5 * wide), (long, wide), 0.008, rug)
 
     def _decorate(self, number: int) -> None:

@@ -191,11 +191,12 @@ def chair(kit: Kit) -> None:
 def bed(kit: Kit) -> None:
     """A double bed with its head at the wall."""
     b, wood = kit.b, kit.pick(kit.stock.woods)
-    sheet, cover = kit.pick(kit.stock.bedding), kit.pick(kit.stock.bedding)
+    sheet, cover = kit.pick(kit.stock.bedding), kit.pick(kit.stock.bedding, kit.small())
+    made = float(kit.small().uniform(0.6, 1.3))  # how far the cover is pulled up
     b.box((0.0, 1.6), (0.0, 0.06), (0.0, 1.0), wood)
     b.box((0.0, 1.6), (0.06, 2.05), (0.0, 0.3), wood)
     b.box((0.03, 1.57), (0.08, 2.0), (0.3, 0.5), sheet)
-    b.box((0.0, 1.6), (0.75, 2.03), (0.32, 0.54), cover)
+    b.box((0.0, 1.6), (made, 2.03), (0.32, 0.54), cover)
     for x in (0.15, 0.85):
         rng = kit.small()
         with b.placed(x + 0.3, 0.33, float(rng.uniform(-0.15, 0.15))):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pflut.geometry import FloatArray
+from pflut.simulation.changes import Changes
 from pflut.simulation.free_space import FreeSpace, footprint_mask, occupied_by_walls
 from pflut.simulation.furnishing import Furnisher
 from pflut.simulation.layout import Opening, Room, plan_flat
@@ -23,8 +24,8 @@ class Home:
     ----------
     seed : int
     rearrangement : int
-        0: as it was mapped. Another number: the same home on another day, with about a third of
-        the small objects moved or exchanged.
+        0: as it was mapped. Another number: the same home on another day, with about half of
+        what people move about (small objects, chairs, rugs, curtains, covers) moved or exchanged.
     rooms : tuple of Room
     openings : tuple of Opening
         Doors (twice, once in the wall of each room) and windows.
@@ -72,9 +73,10 @@ class Home:
         rooms, openings = plan_flat(rng)
         builder = SceneBuilder()
         stock = make_stock(builder, rng)
-        build_walls(builder, stock, rooms, openings, rng)
+        changes = Changes(int(seed), int(rearrangement))
+        build_walls(builder, stock, rooms, openings, rng, changes)
         build_view(builder, stock)
-        furnisher = Furnisher(builder, stock, rooms, openings, rng, seed, rearrangement)
+        furnisher = Furnisher(builder, stock, rooms, openings, rng, changes)
         furnisher.furnish()
         return cls(
             seed,

@@ -23,7 +23,7 @@ SKY_COLOR = np.array([0.92, 0.97, 1.06])
 TEXEL = 0.22  # metres between light values
 LARGEST_GRID = 48
 LAMP_SHINE = 6.0  # brightness of a lit shade
-SKY_SHINE = 2.6  # brightness of the street
+SKY_SHINE = 4.5  # brightness of the street
 REACH = 1.2  # metres within which bodies darken a corner
 CELL = 0.5  # metres of the grid that rays walk through
 
@@ -55,8 +55,8 @@ class Lighting:
     lamps: tuple[float, ...] = (0.0,)
     exposure: float = 1.0
     warmth: float = 0.0
-    shot_noise: float = 2e-4
-    read_noise: float = 3e-3
+    shot_noise: float = 3e-3
+    read_noise: float = 4e-3
 
     def __post_init__(self) -> None:
         values = [self.sky, *self.lamps, self.exposure, self.shot_noise, self.read_noise]

@@ -38,8 +38,8 @@ def plaster(rng: np.random.Generator, color: Color) -> Image:
     """Painted plaster: the roller's grain, faint clouds and a few scratches; 2 m a side."""
     size = 512
     image = _filled((size, size), color)
-    image += 0.012 * noise(rng, size, size, (4, 4), 3)[..., None]
-    image += 0.014 * noise(rng, size, size, (128, 128), 2)[..., None]
+    image += 0.010 * noise(rng, size, size, (4, 4), 3)[..., None]
+    image += 0.007 * noise(rng, size, size, (128, 128), 2)[..., None]
     return to_image(image)
 
 
@@ -74,7 +74,7 @@ def wallpaper(rng: np.random.Generator, color: Color) -> Image:
                 cv2.ellipse(cell, (x + 12 * side, y), (14, 5), -35 * side, 0, 360, 255, -1)
         mask = cell.astype(np.float32) / 255.0
     image += mask[..., None] * (np.asarray(second) - np.asarray(color)).astype(np.float32)
-    image += 0.008 * noise(rng, size, size, (64, 64), 2)[..., None]
+    image += 0.005 * noise(rng, size, size, (64, 64), 2)[..., None]
     return to_image(image)
 
 
@@ -91,7 +91,7 @@ def brick(rng: np.random.Generator, color: Color) -> Image:
             for shift in (0, -size):  # the last brick of a row continues on the left
                 left, right = int(x0 + 2 + shift), int(x0 + width - 2 + shift)
                 image[y0:y1, max(left, 0) : max(right, 0)] = tone
-    image += 0.03 * noise(rng, size, size, (64, 64), 3)[..., None]
+    image += 0.02 * noise(rng, size, size, (64, 64), 3)[..., None]
     return to_image(image)
 
 
@@ -109,7 +109,7 @@ def planks(rng: np.random.Generator, color: Color) -> Image:
         for joint, tone in zip(joints, tones, strict=True):
             row[joint:] = tone
         row[: joints[0]] = tones[-1]
-        board = row[None] + 0.03 * np.roll(grain[low:high], start, axis=1)[..., None]
+        board = row[None] + 0.02 * np.roll(grain[low:high], start, axis=1)[..., None]
         board[:, joints] *= 0.55
         board[0] *= 0.55
         for _ in range(int(rng.integers(0, 3))):
@@ -133,7 +133,7 @@ def parquet(rng: np.random.Generator, color: Color) -> Image:
                 tile[low:high] = np.asarray(vary(rng, color, 0.02)) * rng.uniform(0.88, 1.08)
                 tile[low] *= 0.6
             y, x = row * block, column * block
-            tile += 0.03 * grain[y : y + block, x : x + block, None]
+            tile += 0.02 * grain[y : y + block, x : x + block, None]
             tile[:, 0] *= 0.6
             if (row + column) % 2:
                 tile = tile.transpose(1, 0, 2)
@@ -149,7 +149,7 @@ def wood(rng: np.random.Generator, color: Color) -> Image:
     rings = np.sin(2.0 * np.pi * (9.0 * rows) + 1.6 * warp)
     image = _filled((size, size), color)
     image *= (1.0 + 0.05 * rings)[..., None].astype(np.float32)
-    image += 0.022 * noise(rng, size, size, (128, 4), 2)[..., None]
+    image += 0.014 * noise(rng, size, size, (128, 4), 2)[..., None]
     return to_image(image)
 
 
@@ -177,7 +177,7 @@ def tiles(
                 tile = tile * (1.0 - mask) + ink * mask
             tile[:2] = tile[:, :2] = 0.62 * np.asarray(color, dtype=np.float32)
             image[row * side : (row + 1) * side, column * side : (column + 1) * side] = tile
-    image += 0.012 * noise(rng, size, size, (32, 32), 3)[..., None]
+    image += 0.006 * noise(rng, size, size, (32, 32), 3)[..., None]
     return to_image(image)
 
 
@@ -199,8 +199,8 @@ def carpet(rng: np.random.Generator, color: Color) -> Image:
     """Fitted carpet: mottled pile; 1 m a side."""
     size = 256
     image = _filled((size, size), color)
-    image += 0.035 * noise(rng, size, size, (64, 64), 2)[..., None]
-    image += 0.02 * noise(rng, size, size, (8, 8), 2)[..., None]
+    image += 0.018 * noise(rng, size, size, (64, 64), 2)[..., None]
+    image += 0.015 * noise(rng, size, size, (8, 8), 2)[..., None]
     return to_image(image)
 
 
@@ -226,7 +226,7 @@ def fabric(rng: np.random.Generator, color: Color) -> Image:
     else:
         mask = np.zeros((size, size))
     image += (0.8 * mask[..., None] * (second - np.asarray(color))).astype(np.float32)
-    image += 0.02 * noise(rng, size, size, (128, 128), 1)[..., None]
+    image += 0.01 * noise(rng, size, size, (128, 128), 1)[..., None]
     image += 0.02 * noise(rng, size, size, (4, 4), 3)[..., None]
     return to_image(image)
 
@@ -284,5 +284,5 @@ def rug(rng: np.random.Generator) -> Image:
         cv2.fillPoly(quarter, [diamond.astype(np.int32)], order[int(rng.integers(5))], cv2.LINE_AA)
     half = np.concatenate([quarter, quarter[:, ::-1]], axis=1)
     image = np.concatenate([half, half[::-1]], axis=0)
-    image += 0.03 * noise(rng, height, width, (64, 128), 2)[..., None]
+    image += 0.015 * noise(rng, height, width, (64, 128), 2)[..., None]
     return to_image(image)

@@ -12,6 +12,7 @@ from pflut.simulation.layout import CEILING
 from pflut.simulation.lighting import Lighting, LightMap, make_light_map
 from pflut.simulation.raster import develop, draw_columns, surface_spans
 
+LENS_BLUR = 1.0  # pixels
 CAMERA_HEIGHT = 1.2  # metres above the floor where the camera's mount says nothing
 
 
@@ -23,6 +24,7 @@ def render_panorama(
     *,
     light_map: LightMap | None = None,
     blur_poses: ArrayLike | None = None,
+    lens_blur: float = LENS_BLUR,
     supersampling: int = 2,
     rng: np.random.Generator | int | None = None,
 ) -> NDArray[np.uint8]:
@@ -43,6 +45,8 @@ def render_panorama(
     blur_poses : array_like of shape (k, 3), optional
         Where the robot is during the exposure: the picture is the mean over them instead of the
         one at ``pose``.
+    lens_blur : float
+        Standard deviation in pixels of the lens's point spread function; 0 is a perfect lens.
     supersampling : int
         Samples along each side of a pixel.
     rng : Generator, int or None
@@ -66,6 +70,8 @@ def render_panorama(
     for row in poses:
         linear += render_linear(home, row, camera, lights, supersampling=supersampling)
     linear /= len(poses)
+    if lens_blur > 0.0:
+        linear = _blurred(linear, lens_blur)
     noise = np.random.default_rng(rng).standard_normal(linear.shape, dtype=np.float32)
     image = np.empty(linear.shape, dtype=np.uint8)
     develop(linear, light.gain(), light.shot_noise, light.read_noise, noise, image)
@@ -113,6 +119,17 @@ def render_linear(
         image,
     )
     return image
+
+
+def _blurred(linear: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
+    """Blur a panorama, around its seam too."""
+    import cv2
+
+    pad = int(np.ceil(3.0 * sigma))
+    wide = np.pad(linear, ((0, 0), (pad, pad), (0, 0)), mode="wrap")
+    size = (2 * pad + 1, 2 * pad + 1)
+    soft = cv2.GaussianBlur(wide, size, sigma, borderType=cv2.BORDER_REPLICATE)
+    return np.ascontiguousarray(soft[:, pad:-pad])
 
 
 def _lens(home: Home, pose: FloatArray, camera: EquirectangularPanorama) -> FloatArray:

@@ -36,6 +36,7 @@ class Stock:
     curtains: tuple[Material, ...]
     views: tuple[Material, ...]
     faces: tuple[Material, ...]
+    sky: Material
     clock: Material
     screen: Material
     radiator: Material
@@ -87,7 +88,7 @@ def make_stock(b: SceneBuilder, rng: np.random.Generator) -> Stock:
         return tuple(b.material(paint(rng), width, height, **options) for _ in range(count))
 
     return Stock(
-        white=b.material(plain(rng, (0.9, 0.89, 0.87)), 0.5),
+        white=b.material(plain(rng, (0.9, 0.89, 0.87), grain=0.004), 0.5),
         black=b.material(plain(rng, (0.09, 0.09, 0.10)), 0.5),
         metal=b.material(plain(rng, (0.58, 0.58, 0.60), grain=0.03), 0.3),
         ceramic=b.material(plain(rng, (0.93, 0.93, 0.94), grain=0.004), 0.5),
@@ -121,6 +122,7 @@ def make_stock(b: SceneBuilder, rng: np.random.Generator) -> Stock:
             for _ in range(3)
         ),
         views=tuple(b.material(prints.view_outside(rng), glow=SKY_GLOW) for _ in range(2)),
+        sky=b.material(plain(rng, (0.60, 0.76, 0.95)), 8.0, glow=SKY_GLOW),
         faces=many(prints.face, 3),
         clock=b.material(prints.clock(rng), cutout=True),
         screen=b.material(prints.screen(rng)),

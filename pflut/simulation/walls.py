@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from pflut.geometry import FloatArray
+from pflut.simulation.changes import Changes
 from pflut.simulation.layout import CEILING, DEPTH, OUTER, PARTITION, WIDTH, Opening, Room
 from pflut.simulation.scene import Material, SceneBuilder
 from pflut.simulation.stock import Stock
 
 VIEW_DISTANCE = 13.0  # metres from the flat to the houses outside
 VIEW_HEIGHTS = (-7.0, 13.0)
+SKY_HEIGHT = 50.0
 
 
 def build_walls(
@@ -19,6 +21,7 @@ def build_walls(
     rooms: tuple[Room, ...],
     openings: tuple[Opening, ...],
     rng: np.random.Generator,
+    changes: Changes,
 ) -> None:
     """Build all rooms, empty.
 
@@ -41,7 +44,7 @@ def build_walls(
                     if hole.is_door:
                         _doorway(b, stock, hole, thickness)
                     else:
-                        _window(b, stock, hole, thickness, length, room.kind, rng)
+                        _window(b, stock, hole, thickness, length, room.kind, rng, changes)
     # the corners of the outer walls, so that no daylight comes around them
     b.solid((-OUTER, 0.0), (-OUTER, DEPTH + OUTER), (0.0, CEILING))
     for x in (-OUTER, WIDTH):
@@ -57,6 +60,7 @@ def build_view(b: SceneBuilder, stock: Stock) -> None:
     for side in range(4):
         view = stock.views[side % 2]
         b.quad(corners[side], corners[(side + 1) % 4], *VIEW_HEIGHTS, view)
+        b.quad(corners[side], corners[(side + 1) % 4], VIEW_HEIGHTS[1], SKY_HEIGHT, stock.sky)
 
 
 def wall_segments(rooms: tuple[Room, ...], openings: tuple[Opening, ...]) -> FloatArray:
@@ -146,6 +150,7 @@ def _window(
     length: float,
     kind: str,
     rng: np.random.Generator,
+    changes: Changes,
 ) -> None:
     """Build a window: lining, sill, frame with a bar, curtains, a radiator below."""
     a, c = hole.start, hole.end
@@ -170,7 +175,9 @@ def _window(
         wide = float(rng.uniform(0.22, 0.4))
         low, high = max(a - wide - 0.02, 0.02), min(c + wide + 0.02, length - 0.02)
         bottom = float(rng.choice([0.06, hole.bottom - 0.12]))
-        for left, right in ((low, a + 0.05), (c - 0.05, high)):
+        drawn = changes()  # how far the curtains are drawn today
+        reach = float(drawn.choice([0.05, 0.05, 0.5]) * drawn.uniform(0.6, 1.0) * (c - a))
+        for left, right in ((low, a + reach), (c - reach, high)):
             if right - left > 0.12:
                 b.box((left, right), (-0.17, -0.13), (bottom, 2.34), cloth)
         b.box((low - 0.02, high + 0.02), (-0.16, -0.14), (2.34, 2.37), stock.metal)
