@@ -182,7 +182,7 @@ def test_light(rng: np.random.Generator) -> Lighting:
         lamps=tuple(float(v) for v in lamps),
         exposure=float(rng.uniform(0.9, 1.4)),
         warmth=float(rng.uniform(-0.03, 0.08)),
-        shot_noise=8e-3,
+        shot_noise=6e-3,
     )
 
 

@@ -12,7 +12,7 @@ from pflut.simulation.layout import CEILING
 from pflut.simulation.lighting import Lighting, LightMap, make_light_map
 from pflut.simulation.raster import develop, draw_columns, surface_spans
 
-LENS_BLUR = 1.0  # pixels
+LENS_BLUR = 1.1  # pixels
 CAMERA_HEIGHT = 1.2  # metres above the floor where the camera's mount says nothing
 
 
