@@ -1,0 +1,561 @@
+"""The paper's table: learning, evaluating and storing it."""
+
+from __future__ import annotations
+
+import dataclasses
+import pickle
+import zipfile
+from pathlib import Path
+
+import naive
+import numpy as np
+import pytest
+
+from pflut.correspondences import Correspondences
+from pflut.geometry import TWO_PI
+from pflut.likelihood.kernels import count, discretize
+from pflut.likelihood.learning import BLOCK, count_pairs, count_simulated, log_ratio_from_counts
+from pflut.likelihood.storage import FORMAT, VERSION, _checksum
+from pflut.likelihood.table import LikelihoodTable
+from pflut.simulation.correspondences import CorrespondenceSimulator
+
+SIMULATOR = CorrespondenceSimulator(mismatch=0.5)
+
+
+def random_table(ratio_bins: int, bins: int, seed: int = 0) -> LikelihoodTable:
+    values = np.random.default_rng(seed).normal(size=(ratio_bins, bins, bins))
+    return LikelihoodTable(values.astype(np.float32))
+
+
+def random_correspondences(n: int, seed: int = 0) -> Correspondences:
+    """Bearings with every kind of r: negative, beyond one, near +-1, points near the horizon."""
+    rng = np.random.default_rng(seed)
+    left, right = rng.uniform(-1.5, 1.5, (2, n))
+    kind = rng.integers(0, 5, n)
+    right = np.where(kind == 0, left + rng.normal(0, 1e-3, n), right)
+    right = np.where(kind == 1, -left + rng.normal(0, 1e-3, n), right)
+    right = np.where(kind == 2, rng.normal(0, 1e-6, n), right)
+    left = np.where(kind == 3, rng.normal(0, 1e-6, n), left)
+    angles = rng.uniform(0, TWO_PI, (2, n))
+    limit = np.pi / 2
+    return Correspondences(
+        angles[0], left.clip(-limit, limit), angles[1], right.clip(-limit, limit)
+    )
+
+
+EDGES = {
+    "both on the horizon": (0.0, 0.0),
+    "signed zeros": (0.0, -0.0),
+    "left on the horizon": (0.0, 0.4),
+    "right on the horizon": (-0.4, 0.0),
+    "r is one": (0.3, 0.3),
+    "r is minus one": (0.3, -0.3),
+    "both at the zenith": (np.pi / 2, np.pi / 2),
+    "zenith and nadir": (np.pi / 2, -np.pi / 2),
+    "zenith and horizon": (np.pi / 2, 0.0),
+    "next to nothing": (1e-300, 3e-308),
+    "denormal": (5e-324, -5e-324),
+}
+
+
+# --- Algorithm 1 ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("ratio_bins", "bins", "n"), [(4, 4, 9), (10, 12, 30), (7, 33, 12), (16, 16, 1)]
+)
+def test_grid_equals_its_naive_twin(ratio_bins: int, bins: int, n: int) -> None:
+    table = random_table(ratio_bins, bins)
+    for seed in range(4):
+        correspondences = random_correspondences(n, seed)
+        expected = naive.grid(table.log_ratio, correspondences)
+        got = table.log_likelihood_grid(correspondences)
+        assert got.dtype == np.float32
+        assert np.abs(got - expected).max() < 1e-5 * n
+
+
+@pytest.mark.parametrize("name", EDGES)
+def test_grid_at_the_edges_equals_its_naive_twin(name: str) -> None:
+    table = random_table(8, 8)
+    for azimuths in ((0.0, 0.0), (np.pi, np.nextafter(TWO_PI, 0)), (1.0, TWO_PI - 1e-17)):
+        c = Correspondences(azimuths[0], EDGES[name][0], azimuths[1], EDGES[name][1])
+        expected = naive.grid(table.log_ratio, c)
+        assert np.abs(table.log_likelihood_grid(c) - expected).max() < 1e-6
+
+
+def test_grid_of_none_is_zero() -> None:
+    assert not random_table(4, 12).log_likelihood_grid(Correspondences.empty()).any()
+
+
+def test_grid_is_a_sum() -> None:
+    table = random_table(16, 24)
+    c = random_correspondences(40)
+    parts = [table.log_likelihood_grid(c[i : i + 1]) for i in range(40)]
+    assert np.abs(table.log_likelihood_grid(c) - np.sum(parts, axis=0)).max() < 1e-4
+
+
+def test_exchanged_views_give_the_transposed_grid(default_table: LikelihoodTable) -> None:
+    """Exactly for whole numbers, which float32 adds without rounding in any order."""
+    whole = np.random.default_rng(0).integers(-99, 99, (16, 20, 20)).astype(np.float32)
+    for table, rounding in ((LikelihoodTable(whole), 0.0), (default_table, 1e-4)):
+        for seed in range(5):
+            c = random_correspondences(60, seed)
+            difference = table.log_likelihood_grid(c.exchanged()).T - table.log_likelihood_grid(c)
+            assert np.abs(difference).max() <= rounding
+
+
+def test_mirrored_scene_gives_the_mirrored_grid(small_table: LikelihoodTable) -> None:
+    c = random_correspondences(60)
+    mirrored = Correspondences(-c.azimuth_l, c.elevation_l, -c.azimuth_r, c.elevation_r)
+    grid = small_table.log_likelihood_grid(c)
+    assert np.abs(small_table.log_likelihood_grid(mirrored) - grid[::-1, ::-1]).max() < 1e-4
+
+
+def test_upside_down_scene_gives_the_same_grid(small_table: LikelihoodTable) -> None:
+    c = random_correspondences(60)
+    flipped = Correspondences(c.azimuth_l, -c.elevation_l, c.azimuth_r, -c.elevation_r)
+    assert (small_table.log_likelihood_grid(flipped) == small_table.log_likelihood_grid(c)).all()
+
+
+def test_turning_a_view_shifts_the_grid() -> None:
+    table = random_table(8, 16)
+    c = random_correspondences(30)
+    turned = Correspondences(
+        c.azimuth_l + 5 * TWO_PI / 16, c.elevation_l, c.azimuth_r, c.elevation_r
+    )
+    grid = np.roll(table.log_likelihood_grid(c), 5, axis=0)
+    assert (table.log_likelihood_grid(turned) == grid).all()
+
+
+# --- Algorithm 2 ----------------------------------------------------------------------------------
+
+
+def test_count_equals_its_naive_twin() -> None:
+    headings, bearings = CorrespondenceSimulator(max_tilt=0.2).sample_slopes(40, 15, 0)
+    bearings[0, :3, 1] = [0.0, 0.0, 1e300]
+    bearings[0, :3, 3] = [0.0, 0.5, -1e300]
+    weights = np.random.default_rng(1).uniform(size=40)
+    histogram = np.zeros((10, 12, 12))
+    count(headings, bearings, weights, histogram)
+    assert histogram == pytest.approx(naive.count(headings, bearings, weights, 10, 12))
+    assert histogram.sum() == pytest.approx(15 * weights.sum())
+
+
+def test_learning_and_evaluation_share_their_cells() -> None:
+    """A correspondence is counted in the very cell that its true pose looks up."""
+    simulator = CorrespondenceSimulator(mismatch=0.0, noise=0.0)
+    headings, angles = simulator.sample(1, 200, 3)
+    slopes = angles.copy()
+    slopes[..., 1::2] = np.tan(angles[..., 1::2])
+    histogram = np.zeros((16, 16, 16))
+    count(headings, slopes, np.ones(1), histogram)
+    table = LikelihoodTable(histogram.astype(np.float32))
+    i, j = (headings[0] / TWO_PI * 16).astype(int)
+    for bearing in angles[0]:
+        one = Correspondences(*bearing[:, None])
+        assert table.log_likelihood_grid(one)[i, j] >= 1.0
+
+
+@pytest.mark.parametrize("uniform", [0.9, 0.01])
+def test_log_ratio_equals_its_naive_twin(uniform: float) -> None:
+    histogram = np.random.default_rng(0).poisson(2.0, (6, 9, 9))
+    histogram[2] = 0
+    got = log_ratio_from_counts(histogram, uniform=uniform)
+    assert np.abs(got - naive.log_ratio(histogram, uniform)).max() < 1e-5
+    assert (got[2] == 0).all()
+
+
+def test_blur_spreads_and_keeps_the_mass() -> None:
+    histogram = np.zeros((1, 16, 16))
+    histogram[0, 0, 0] = 5.0
+    ratio = (np.exp(log_ratio_from_counts(histogram, uniform=0.01, blur=1.5)) - 0.01) / 0.99
+    assert ratio.mean() == pytest.approx(1.0, abs=1e-5)
+    near = np.arange(-8, 8)
+    gauss = np.exp(-0.5 * (near / 1.5) ** 2)
+    expected = np.roll(gauss / gauss.sum(), -8)
+    assert ratio[0] / 256 == pytest.approx(np.outer(expected, expected), abs=1e-4)
+
+
+def test_density_ratio_is_normalised(default_table: LikelihoodTable) -> None:
+    """exp(log_ratio) is a density ratio to the uniform: its mean over (u, v) is one."""
+    mean = np.exp(default_table.log_ratio.astype(np.float64)).mean(axis=(1, 2))
+    assert np.abs(mean - 1).max() < 1e-5
+
+
+def test_table_is_mirror_symmetric(default_table: LikelihoodTable) -> None:
+    table = default_table.log_ratio
+    mirrored = np.roll(table[:, ::-1, ::-1], (1, 1), axis=(1, 2))
+    assert (table == mirrored).all()
+
+
+def test_table_follows_the_constraint(default_table: LikelihoodTable) -> None:
+    """Noise-free, the density of (u, v) lies on sin v = -r sin u, acute at v, u and -v alike."""
+    table, bins = default_table.log_ratio, default_table.bins
+    for k in (70, 90, 110):
+        r = (k + 0.5) / bins * 2 - 1
+        # a difference of two cells is triangular about its number: no half here
+        u, v = np.unravel_index(np.argsort(table[k].ravel())[-60:], (bins, bins))
+        u, v = u * TWO_PI / bins, v * TWO_PI / bins
+        error = np.abs(np.sin(v) + r * np.sin(u))
+        assert np.median(error) < TWO_PI / bins
+        assert (np.sin(u) * np.sin(v) < 0.1).all()
+
+
+def test_obtuse_branch_exists_where_r_is_one(default_table: LikelihoodTable) -> None:
+    """Without it a turn on the spot is seen as something else (METHOD: the branches)."""
+    table, bins = default_table.log_ratio[-1], default_table.bins
+    # the same direction in both views: u - v = pi, all the way round
+    u = np.arange(bins)
+    band = np.exp(table[u, (u + bins // 2) % bins])
+    assert (band > 1.2).mean() > 0.9
+
+
+def test_learning_does_not_depend_on_the_threads() -> None:
+    samples = 5 * BLOCK - 17
+    counts = [
+        count_simulated(SIMULATOR, 16, samples, seed=1, num_threads=threads)
+        for threads in (1, 2, 3)
+    ]
+    assert counts[0].sum() == 5 * BLOCK
+    assert (counts[0] == counts[1]).all()
+    assert (counts[0] == counts[2]).all()
+    assert (counts[0] != count_simulated(SIMULATOR, 16, samples, seed=2)).any()
+
+
+@pytest.mark.parametrize("mismatches", ["uniform", "simulated"])
+def test_table_is_reproducible(mismatches) -> None:
+    def learn(seed: int, threads: int, samples: int = 2 * BLOCK) -> np.ndarray:
+        return LikelihoodTable.from_simulation(
+            bins=8, num_samples=samples, mismatches=mismatches, seed=seed, num_threads=threads
+        ).log_ratio
+
+    assert (learn(7, 1) == learn(7, 3)).all()
+    assert (learn(7, 1) != learn(8, 1)).any()
+    assert np.isfinite(learn(0, 1, 1)).all()
+
+
+def test_counts_agree_with_the_naive_algorithm_on_another_simulator() -> None:
+    """The same density, learned by the twins from their own random numbers."""
+    settings = {"mismatch": 0.0, "noise": 0.01, "max_tilt": 0.0, "radius": 2.0}
+    headings, bearings = naive.simulate(99, 300, 16, **settings)
+    slow = naive.count(headings, bearings, np.ones(300), 4, 4)
+    fast = count_simulated(CorrespondenceSimulator(mismatch=0.0), 4, 20 * BLOCK, seed=5)
+    expected = fast / fast.sum() * slow.sum()
+    # 16 correspondences a pair are not independent: their counts spread more than Poisson's
+    spread = np.sqrt(16 * np.maximum(expected, 1.0))
+    assert (np.abs(slow - expected) < 5 * spread).all()
+
+
+def test_progress_is_reported() -> None:
+    seen: list[tuple[int, int]] = []
+    LikelihoodTable.from_simulation(
+        bins=8, num_samples=20 * BLOCK, num_threads=2, progress=lambda *done: seen.append(done)
+    )
+    assert seen[-1] == (20 * BLOCK, 20 * BLOCK)
+    assert [done for done, _ in seen] == sorted(done for done, _ in seen)
+
+
+def real_pairs(n: int, favourite: float, seed: int) -> list[tuple[Correspondences, float, float]]:
+    """Pairs of which a share has theta in one quarter: a robot that mostly drives ahead."""
+    rng = np.random.default_rng(seed)
+    headings, angles = CorrespondenceSimulator(mismatch=0.0).sample(n, 12, rng)
+    ahead = headings[:, 0] < 0.5 * np.pi
+    kept = ahead | (rng.uniform(size=n) > favourite)
+    return [
+        (Correspondences(*pair.T), *pose)
+        for pair, pose in zip(angles[kept], headings[kept], strict=True)
+    ]
+
+
+def test_a_frequent_pose_counts_no_more_than_a_rare_one() -> None:
+    """Algorithm 2's weights, exactly: a pose, its mirror image and its exchange are one pose."""
+    one = Correspondences(0.1, 0.3, 0.1, 0.2)
+    frequent, rare, on_the_diagonal = (1.0, 3.0), (2.0, 0.5), (1.0, 1.0)
+    mirrored = (TWO_PI - frequent[0], TWO_PI - frequent[1])
+    pairs = [(one, *frequent)] * 9 + [(one, *mirrored)] * 3 + [(one.exchanged(), 3.0, 1.0)] * 2
+    pairs += [(one, *rare), (one, *on_the_diagonal)]
+    histogram, samples = count_pairs(pairs, 8)
+    plain, _ = count_pairs(pairs, 8, compensate=False)
+    assert samples == 16
+
+    def at(counts: np.ndarray, theta: float, phi: float) -> float:
+        return float(counts[:, naive.cell(theta, 8), naive.cell(phi, 8)].sum())
+
+    # the azimuths lie in the first cell, so that the cells of (u, v) are those of the pose
+    assert at(plain, *frequent) == 11
+    assert at(histogram, *frequent) + at(histogram, *mirrored) == pytest.approx(1.0)
+    assert at(histogram, *frequent) == pytest.approx(11 / 14)
+    assert at(histogram, *rare) == pytest.approx(1.0)
+    # half as many poses are like one on the diagonal
+    assert at(histogram, *on_the_diagonal) == pytest.approx(0.5)
+
+
+def test_compensation_removes_the_bias_of_a_habit() -> None:
+    """A camera that looks ahead, in a robot that mostly drives one way: what it sees is biased."""
+
+    def seen_ahead(favourite: float, seed: int):
+        for c, theta, phi in real_pairs(12_000, favourite, seed):
+            yield c[(np.cos(c.azimuth_l) > 0.0) & (np.cos(c.azimuth_r) > 0.0)], theta, phi
+
+    def table(favourite: float, seed: int, *, compensate: bool = True) -> np.ndarray:
+        pairs = seen_ahead(favourite, seed)
+        return LikelihoodTable.from_pairs(
+            pairs, bins=4, uniform=0.1, blur=0.0, compensate=compensate
+        ).log_ratio[2:]
+
+    fair = table(0.0, 2)
+    error = np.abs(table(0.9, 3) - fair).mean()
+    assert np.abs(table(0.9, 3, compensate=False) - fair).mean() > 3 * error
+    assert error < 0.15
+
+
+def test_pairs_and_simulation_learn_the_same() -> None:
+    pairs = real_pairs(8_000, 0.0, 4)
+    learned = LikelihoodTable.from_pairs(pairs, bins=4, uniform=0.5, blur=0.0)
+    simulated = LikelihoodTable.from_simulation(
+        bins=4, num_samples=20 * BLOCK, simulator=CorrespondenceSimulator(mismatch=0.5)
+    )
+    seen = np.histogram(
+        [np.tan(c.elevation_r) / np.tan(c.elevation_l) for c, _, _ in pairs], 4, (-1, 1)
+    )[0]
+    assert (seen[2:] > 4_000).all()
+    # the negative r, on either side of the horizon by noise, are rare
+    assert np.abs(learned.log_ratio - simulated.log_ratio)[2:].max() < 0.1
+    assert learned.learned_from["num_samples"] == 96_000
+    assert learned.learned_from["source"] == "pairs"
+
+
+def test_pairs_without_correspondences() -> None:
+    pair = real_pairs(50, 0.0, 0)
+    empty = (Correspondences.empty(), 0.0, 0.0)
+    table = LikelihoodTable.from_pairs([empty, *pair, empty], bins=8)
+    same = LikelihoodTable.from_pairs(iter(pair), bins=8)
+    assert (table.log_ratio == same.log_ratio).all()
+    for none in ([], [empty]):
+        with pytest.raises(ValueError, match="at least one pair"):
+            LikelihoodTable.from_pairs(none)
+
+
+def test_slices_never_met_say_nothing() -> None:
+    one = (Correspondences(1.0, 0.3, 2.0, 0.29), 0.3, 0.4)
+    table = LikelihoodTable.from_pairs([one], bins=8)
+    assert np.count_nonzero(np.ptp(table.log_ratio, axis=(1, 2))) == 1
+
+
+@pytest.mark.parametrize(
+    ("method", "options", "message"),
+    [
+        ("from_simulation", {"bins": 3}, "bins: expected 4 to 512"),
+        ("from_simulation", {"bins": 513}, "bins: expected 4 to 512"),
+        ("from_simulation", {"num_samples": 0}, "num_samples: expected at least 1"),
+        ("from_simulation", {"mismatches": "none"}, "mismatches: expected 'uniform' or"),
+        (
+            "from_simulation",
+            {"simulator": CorrespondenceSimulator(mismatch=0.0)},
+            r"simulator: expected a mismatch share in \(0, 1\)",
+        ),
+        ("from_pairs", {"pairs": [], "bins": 2}, "bins: expected 4 to 512"),
+        ("from_pairs", {"pairs": [], "uniform": 0.0}, r"uniform: expected a share in \(0, 1\)"),
+    ],
+)
+def test_misuse_names_the_option(method: str, options: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        getattr(LikelihoodTable, method)(**options)
+
+
+@pytest.mark.parametrize("shape", [(4, 4), (4, 4, 5), (0, 4, 4), (4, 0, 0)])
+def test_table_of_another_shape(shape: tuple[int, ...]) -> None:
+    with pytest.raises(ValueError, match="log_ratio: expected shape"):
+        LikelihoodTable(np.zeros(shape, np.float32))
+
+
+def test_table_that_is_not_finite() -> None:
+    values = np.zeros((4, 4, 4), np.float32)
+    values[1, 2, 3] = -np.inf
+    with pytest.raises(ValueError, match="not finite"):
+        LikelihoodTable(values)
+
+
+def test_discretize_equals_its_naive_twin() -> None:
+    c = random_correspondences(500)
+    cells = np.empty((500, 4), np.int64)
+    discretize(c.azimuth_l, c.elevation_l, c.azimuth_r, c.elevation_r, 24, 10, cells)
+    for i, row in enumerate(cells):
+        r, exchanged = naive.ratio_cell(np.tan(c.elevation_l[i]), np.tan(c.elevation_r[i]), 10)
+        left, right = naive.cell(c.azimuth_l[i], 24), naive.cell(c.azimuth_r[i], 24)
+        assert row.tolist() == [r, left, right, exchanged]
+
+
+# --- its file -------------------------------------------------------------------------------------
+
+
+def stored(path: Path, **changes) -> Path:
+    """Write a table file, some of its entries changed or left out (None)."""
+    log_ratio = changes.get("log_ratio", random_table(4, 6).log_ratio)
+    learned_from = changes.get("learned_from", np.array("{}"))
+    entries = {
+        "format": np.array(FORMAT),
+        "version": np.array(VERSION),
+        "log_ratio": log_ratio,
+        "learned_from": learned_from,
+    }
+    if log_ratio is not None:
+        entries["checksum"] = np.array(_checksum(log_ratio, str(learned_from)))
+    entries |= changes
+    np.savez_compressed(path, **{k: v for k, v in entries.items() if v is not None})
+    return path
+
+
+def test_a_stored_table_comes_back(tmp_path: Path, small_table: LikelihoodTable) -> None:
+    path = tmp_path / "table.npz"
+    small_table.save(path)
+    loaded = LikelihoodTable.load(path)
+    assert (loaded.log_ratio == small_table.log_ratio).all()
+    assert loaded.learned_from == small_table.learned_from
+    assert loaded.learned_from["simulator"] == dataclasses.asdict(CorrespondenceSimulator())
+    assert [p.name for p in tmp_path.iterdir()] == ["table.npz"]
+    # the name is taken as it is, as a user gave it
+    small_table.save(tmp_path / "table.lut")
+    assert (tmp_path / "table.lut").is_file()
+
+
+BAD_FILES = {
+    "later version": ({"version": np.array(VERSION + 1)}, f"version {VERSION + 1}, expected"),
+    "version that is no number": ({"version": np.array("one")}, "version one, expected"),
+    "another format": ({"format": np.array("recipe")}, "not a pflut likelihood table"),
+    "no format": ({"format": None}, "not a pflut likelihood table"),
+    "no table": ({"log_ratio": None, "checksum": np.array("")}, "without log_ratio"),
+    "no checksum": ({"checksum": None}, "without checksum"),
+    "wrong checksum": ({"checksum": np.array("0" * 64)}, "checksum"),
+    "NaN": ({"log_ratio": np.full((2, 4, 4), np.nan, np.float32)}, "not finite"),
+    "infinity": ({"log_ratio": np.full((2, 4, 4), np.inf, np.float32)}, "not finite"),
+    "double": ({"log_ratio": np.zeros((2, 4, 4))}, "float32"),
+    "flat": ({"log_ratio": np.zeros((4, 4), np.float32)}, r"\(R, B, B\)"),
+    "not square": ({"log_ratio": np.zeros((2, 4, 5), np.float32)}, r"\(R, B, B\)"),
+    "empty": ({"log_ratio": np.zeros((0, 4, 4), np.float32)}, r"\(R, B, B\)"),
+    "origin that is no JSON": ({"learned_from": np.array("{")}, "learned_from"),
+    "origin that is no object": ({"learned_from": np.array("[1]")}, "learned_from"),
+    "pickle inside": ({"learned_from": np.array([{"a": 1}], dtype=object)}, "pickle"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_FILES)
+def test_a_bad_file_is_refused_by_name(tmp_path: Path, name: str) -> None:
+    changes, message = BAD_FILES[name]
+    path = stored(tmp_path / "bad.npz", **changes)
+    with pytest.raises(ValueError, match=message) as error:
+        LikelihoodTable.load(path)
+    assert str(path) in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"hello", b"PK\x03\x04", pickle.dumps({"table": 1}), b"\x93NUMPY"]
+)
+def test_what_is_no_table_at_all(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "other.npz"
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=r"other\.npz"):
+        LikelihoodTable.load(path)
+
+
+def test_a_plain_array_is_no_table(tmp_path: Path) -> None:
+    with (tmp_path / "array.npz").open("wb") as file:
+        np.save(file, np.zeros((2, 4, 4), np.float32))
+    with pytest.raises(ValueError, match=r"array\.npz"):
+        LikelihoodTable.load(tmp_path / "array.npz")
+
+
+def test_a_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        LikelihoodTable.load(tmp_path / "none.npz")
+
+
+def test_truncated_at_any_length(tmp_path: Path) -> None:
+    path = stored(tmp_path / "cut.npz")
+    content = path.read_bytes()
+    for length in [*range(0, len(content) - 1, 37), len(content) - 1]:
+        path.write_bytes(content[:length])
+        with pytest.raises(ValueError, match=r"cut\.npz"):
+            LikelihoodTable.load(path)
+
+
+def test_a_flipped_byte_is_refused_or_harmless(tmp_path: Path) -> None:
+    """Wherever it is: in the data, in the names, in the archive's own structure."""
+    table = random_table(4, 6)
+    path = stored(tmp_path / "flip.npz")
+    content = path.read_bytes()
+    rng = np.random.default_rng(0)
+    refused = 0
+    for place in rng.permutation(len(content))[:600]:
+        broken = bytearray(content)
+        broken[place] ^= 1 << int(rng.integers(8))
+        path.write_bytes(broken)
+        try:
+            loaded = LikelihoodTable.load(path)
+        except ValueError as error:
+            assert "flip.npz" in str(error)
+            refused += 1
+        else:
+            assert (loaded.log_ratio == table.log_ratio).all()
+    assert refused > 300
+
+
+def test_an_interrupted_save_leaves_the_old_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "table.npz"
+    random_table(4, 4, 1).save(path)
+    before = path.read_bytes()
+
+    def interrupted(file, **arrays):
+        file.write(b"half a ta")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(np, "savez_compressed", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        random_table(4, 4, 2).save(path)
+    assert path.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["table.npz"]
+
+
+def test_the_file_holds_no_pickle(tmp_path: Path, small_table: LikelihoodTable) -> None:
+    small_table.save(tmp_path / "table.npz")
+    with zipfile.ZipFile(tmp_path / "table.npz") as archive:
+        for name in archive.namelist():
+            assert b"'descr': '|O'" not in archive.read(name)
+
+
+def test_default_is_learned_once_and_again_where_spoilt(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = "pflut.likelihood.table"
+    monkeypatch.setenv("PFLUT_CACHE", str(tmp_path))
+    monkeypatch.setattr(f"{module}.DEFAULT_SAMPLES", BLOCK)
+    learned: list[int] = []
+    learn = LikelihoodTable.from_simulation
+
+    def counting(**options) -> LikelihoodTable:
+        learned.append(1)
+        return learn(**(options | {"bins": 8}))
+
+    monkeypatch.setattr(LikelihoodTable, "from_simulation", counting)
+    first = LikelihoodTable.default()
+    assert (LikelihoodTable.default().log_ratio == first.log_ratio).all()
+    assert len(learned) == 1
+    (file,) = tmp_path.iterdir()
+    file.write_bytes(file.read_bytes()[:100])
+    assert (LikelihoodTable.default().log_ratio == first.log_ratio).all()
+    assert len(learned) == 2
+    LikelihoodTable.default()
+    assert len(learned) == 2
+
+
+def test_default_is_the_paper_s(default_table: LikelihoodTable) -> None:
+    assert default_table.log_ratio.shape == (128, 128, 128)
+    assert default_table.learned_from["simulator"] == {
+        "mismatch": 0.9,
+        "noise": 0.01,
+        "max_tilt": 0.0,
+        "radius": 2.0,
+    }
