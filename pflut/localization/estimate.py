@@ -56,6 +56,9 @@ class Estimate:
     log_mean_likelihood : float or None
         Log of the observation's mean likelihood over the weighted particles, not normalised: it
         falls when the observation fits none of them. None without an observation that counted.
+    likelihood_exponent : float
+        In (0, 1]: the power that the likelihood was flattened with to keep enough effective
+        particles, see `ParticleFilter`.
     resampled : bool
         Whether the particles were resampled after this estimate.
     degenerate : bool
@@ -74,6 +77,7 @@ class Estimate:
     effective_sample_size: float
     num_particles: int
     log_mean_likelihood: float | None = None
+    likelihood_exponent: float = 1.0
     resampled: bool = False
     degenerate: bool = False
     degenerate_updates: int = 0

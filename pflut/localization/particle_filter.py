@@ -12,6 +12,7 @@ from pflut.geometry import FloatArray, as_poses, wrap_to_pi
 from pflut.localization.estimate import METHODS, Estimate, summarize
 from pflut.localization.motion import MotionModel
 from pflut.localization.resampling import Resampler, get_resampler, take
+from pflut.localization.tempering import tempering_exponent
 from pflut.localization.weights import Weights
 
 
@@ -53,6 +54,11 @@ class ParticleFilter:
     ess_threshold : float
         In [0, 1]: resample when the effective sample size falls below this share of the number
         of particles. 1 resamples after every update that changes the weights, 0 never.
+    min_effective_share : float
+        In [0, 1): an observation that would leave fewer effective particles than this share of
+        them is flattened by an exponent until it leaves as many (`tempering_exponent`). 0 never
+        does, which is Bayes' rule; 0.1 keeps a few thousand particles alive under likelihoods
+        much sharper than their distances, and a lost robot's other hypotheses with them.
     estimate_method : {"cluster", "mean"}
         See `estimate_from_particles`.
     rng : numpy.random.Generator or int, optional
@@ -85,6 +91,7 @@ class ParticleFilter:
         num_particles: int = 2000,
         resampling: str | Resampler = "systematic",
         ess_threshold: float = 0.5,
+        min_effective_share: float = 0.0,
         estimate_method: str = "cluster",
         rng: np.random.Generator | int | None = None,
     ) -> None:
@@ -92,12 +99,17 @@ class ParticleFilter:
             raise ValueError(f"num_particles: expected at least 1, got {num_particles}")
         if not 0.0 <= ess_threshold <= 1.0:
             raise ValueError(f"ess_threshold: expected a share in [0, 1], got {ess_threshold}")
+        if not 0.0 <= min_effective_share < 1.0:
+            raise ValueError(
+                f"min_effective_share: expected a share in [0, 1), got {min_effective_share}"
+            )
         if estimate_method not in METHODS:
             raise ValueError(f"estimate_method: expected one of {METHODS}, got {estimate_method!r}")
         self.motion = motion
         self.sensor = sensor
         self.num_particles = num_particles
         self.ess_threshold = ess_threshold
+        self.min_effective_share = min_effective_share
         self.estimate_method = estimate_method
         self.rng = np.random.default_rng(rng)
         self.degenerate_updates = 0
@@ -147,12 +159,16 @@ class ParticleFilter:
             If the filter is not initialised, or the sensor model answers with another shape.
         """
         # importance weights: table 8.2, line 5
-        weights = self._weights.times(self._log_likelihood(observation))
+        log_likelihood = self._log_likelihood(observation)
+        weights = self._weights.times(log_likelihood)
         degenerate = weights is None
+        exponent = 1.0
         if weights is None:
             self.degenerate_updates += 1
         else:
-            self._weights = weights
+            exponent = tempering_exponent(self._weights, log_likelihood, self.min_effective_share)
+            tempered = self._weights.times(exponent * log_likelihood)
+            self._weights = weights if tempered is None else tempered
 
         estimate = self.estimate()
 
@@ -168,6 +184,7 @@ class ParticleFilter:
         return replace(
             estimate,
             log_mean_likelihood=None if weights is None else weights.log_mean,
+            likelihood_exponent=exponent,
             resampled=resampled,
             degenerate=degenerate,
             stamp=stamp,

@@ -10,7 +10,7 @@ from pflut._trig import fast_arctan2
 from pflut.geometry import TWO_PI
 
 LARGEST = 60.0
-"""Beyond e^60 the floor beside it has no part in the sum; float32 overflows at e^88."""
+"""Beyond e^60 the floor has no part in the sum any more; float32 overflows at e^88."""
 
 
 def link(

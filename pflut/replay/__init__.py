@@ -10,7 +10,7 @@ _NAMES = {
     "ReplayResult": "result",
     "ReplayStep": "result",
     "SeedRun": "seeds",
-    "prepare_dataset": "pipeline",
+    "prepare_dataset": "prepare",
     "replay_dataset": "pipeline",
     "replay_seed": "seeds",
     "replay_seeds": "seeds",

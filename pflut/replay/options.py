@@ -57,6 +57,9 @@ class ReplayOptions:
     ess_threshold: float = _option(
         0.5, "resample below this share of effective particles", "filter", "[0, 1]"
     )
+    min_effective_share: float = _option(
+        0.1, "an image is flattened until so many effective particles are left", "filter", "[0, 1)"
+    )
 
     motion: str = _option(
         "differential",

@@ -220,6 +220,7 @@ def make_filter(dataset: Dataset, sensor: ReplaySensor, options: ReplayOptions) 
         num_particles=options.num_particles,
         resampling=options.resampling,
         ess_threshold=options.ess_threshold,
+        min_effective_share=options.min_effective_share,
         rng=options.seed,
     )
     if options.start == "lost":

@@ -1,0 +1,57 @@
+"""Flatten a likelihood that is too sharp for the particles that are there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pflut.geometry import FloatArray
+from pflut.localization.weights import Weights
+
+HALVINGS = 14
+MAX_LOOKED_AT = 20_000
+
+
+def tempering_exponent(weights: Weights, log_likelihood: FloatArray, min_share: float) -> float:
+    """Find the largest exponent on a likelihood that leaves enough effective particles.
+
+    Particles are a sample: where a likelihood is much narrower than their distances, the one that
+    happens to be nearest takes all the weight, right or wrong. Raised to a power below one the
+    likelihood chooses among many; the next images say the rest.
+
+    Parameters
+    ----------
+    weights : Weights
+        Before the observation.
+    log_likelihood : ndarray of shape (N,)
+        Below +inf, not all -inf.
+    min_share : float
+        In [0, 1): of N, so many effective particles shall be left.
+
+    Returns
+    -------
+    float
+        In (0, 1]; 1 where the observation as it is leaves as many.
+
+    References
+    ----------
+    E. Herbst, F. Schorfheide, "Tempered particle filtering", Journal of Econometrics 210, 2019;
+    without its repeated moves.
+    """
+    stride = max(1, len(weights) // MAX_LOOKED_AT)
+    before = Weights.from_log(weights.log[::stride]) if stride > 1 else weights
+    seen = np.ascontiguousarray(log_likelihood[::stride])
+    if not (seen > -np.inf).any():
+        return 1.0
+    needed = min_share * len(before)
+
+    def enough(exponent: float) -> bool:
+        after = before.times(exponent * seen)
+        return after is not None and after.effective_sample_size >= needed
+
+    if min_share <= 0.0 or enough(1.0):
+        return 1.0
+    low, high = 0.0, 1.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if enough(middle) else (low, middle)
+    return max(low, 0.5**HALVINGS)
