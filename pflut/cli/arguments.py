@@ -128,7 +128,9 @@ def replay_options(arguments: argparse.Namespace) -> ReplayOptions:
         return ReplayOptions(**values)
     except ValueError as error:
         name, _, text = str(error).partition(":")
-        flag = next((_flag(item) for item in fields(ReplayOptions) if item.name == name), name)
+        wrong = next((item for item in fields(ReplayOptions) if item.name == name), None)
+        flag = name if wrong is None else _flag(wrong)
+        text += " radians" if wrong is not None and wrong.metadata.get("angle") else ""
         parser: argparse.ArgumentParser = arguments.parser
         parser.error(f"argument {flag}:{text}")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pflut.evaluation import TrajectoryErrors
+from pflut.evaluation import CONVERGED_HEADING, CONVERGED_POSITION, TrajectoryErrors
 from pflut.geometry import FloatArray
 from pflut.replay.result import ReplayResult
 from pflut.statistics import summarize
@@ -68,7 +68,7 @@ def replay_report(result: ReplayResult) -> str:
 
 
 def _row(name: str, *values: str) -> str:
-    return f"{name:<26}" + "".join(f"{value:>10}" for value in values)
+    return f"{name:<32}" + "".join(f"{value:>10}" for value in values)
 
 
 def _number(value: float) -> str:
@@ -101,10 +101,15 @@ def _start(result: ReplayResult) -> str:
 
 
 def _convergence(result: ReplayResult, start: int | None) -> str:
-    limit = "within 0.5 m and 10 deg"
+    assert result.errors is not None
+    limit = f"{CONVERGED_POSITION:g} m and {np.degrees(CONVERGED_HEADING):g} deg"
+    known = result.errors[~np.isnan(result.errors.position)]
+    share = known.within(CONVERGED_POSITION, CONVERGED_HEADING).mean()
+    text = f"{100 * share:.0f} % of the images are within {limit}"
     if start is None:
-        return f"not converged: the last images are not {limit}"
-    return f"converged at image {start + 1} of {len(result)}: {limit} from there to the end"
+        return f"{text}; not converged, for the last one is not"
+    lost = result.options.start == "lost"
+    return f"{text}; {'converged' if lost else 'all'} from image {start + 1} of {len(result)} on"
 
 
 def _success(result: ReplayResult) -> str:
