@@ -214,7 +214,7 @@ def _job(
 def _poses_of_exposure(drive: Drive, point: int, exposure: float) -> FloatArray:
     """Give the poses during an exposure around a point of a path, shape (k, 3)."""
     if exposure == 0.0:
-        return drive.path.poses[point][None]
+        return np.asarray(drive.path.poses[point][None])
     times = drive.path.stamps[point] + np.linspace(-0.5, 0.5, BLUR_SAMPLES) * exposure
     return drive.path.interpolate(np.clip(times, drive.path.stamps[0], drive.path.stamps[-1]))
 

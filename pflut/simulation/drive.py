@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,11 +112,11 @@ def plan_mapping_drive(
     stops = _spread_points(space, cost, generator)
     ways = np.empty((len(stops), *cost.shape))
     for stop, way in zip(stops, ways, strict=True):
-        cost_to_go(cost, *stop, way)
+        cost_to_go(cost, stop[0], stop[1], way)
     between = np.array([[way[tuple(stop)] for stop in stops] for way in ways])
     order = _short_tour(between)
     cells = [stops[order[0]]]
-    for a, b in zip(order[:-1], order[1:], strict=True):
+    for a, b in pairwise(order):
         cells += _descend(ways[b], stops[a])[1:]
     return _drive(space, cells, spacing, np.inf, generator)
 
@@ -180,7 +181,8 @@ def _cost(space: FreeSpace, mood: FloatArray) -> FloatArray:
 def _reachable(space: FreeSpace, cost: FloatArray, margin: float) -> NDArray[np.intp]:
     """Give the cells (n, 2) with some room to spare that can be reached from the best one."""
     way = np.empty_like(cost)
-    cost_to_go(cost, *np.unravel_index(np.argmax(space.clearance), cost.shape), way)
+    row, column = np.unravel_index(np.argmax(space.clearance), cost.shape)
+    cost_to_go(cost, row, column, way)
     return np.argwhere((space.clearance > RADIUS + margin) & np.isfinite(way))
 
 
@@ -250,7 +252,8 @@ def _drive(
     """Make a drive of a path of cells: smooth it, turn on the spot at its cusps, time it."""
     points = space.points(cells)
     pieces = [_resampled(_smoothed(piece, space)) for piece in _split_at_cusps(points)]
-    positions, headings = [], []
+    positions: list[FloatArray] = []
+    headings: list[FloatArray] = []
     for piece in pieces:
         tangents = np.gradient(piece, axis=0)
         heading = np.unwrap(np.arctan2(tangents[:, 1], tangents[:, 0]))

@@ -90,6 +90,11 @@ def occupied_by_walls(rooms: tuple[Room, ...], openings: tuple[Opening, ...]) ->
     return ~free
 
 
+def free_space_of_walls(rooms: tuple[Room, ...], openings: tuple[Opening, ...]) -> FreeSpace:
+    """Measure the clearances of an empty home."""
+    return FreeSpace.from_occupied(occupied_by_walls(rooms, openings))
+
+
 def rectangle_mask(
     shape: tuple[int, ...], low: tuple[float, float], high: tuple[float, float]
 ) -> NDArray[np.bool_]:

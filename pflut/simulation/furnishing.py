@@ -181,7 +181,7 @@ class Furnisher:
             width = sum(piece.width for piece in pieces)
             for _ in range(24):
                 side = int(self._rng.integers(4))
-                x, y, yaw, length = room.side(side)
+                length = room.side(side)[3]
                 if length < width + 0.1:
                     continue
                 start = float(self._rng.uniform(0.03, length - width - 0.03))

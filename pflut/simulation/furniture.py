@@ -106,7 +106,7 @@ def clutter(kit: Kit, width: float, depth: float, z: float, count: int) -> None:
 
 
 def sofa(kit: Kit) -> None:
-    """A sofa with two or three cushions."""
+    """Draw a sofa with two or three cushions."""
     b, cloth = kit.b, kit.pick(kit.stock.fabrics)
     b.box((0.0, 2.0), (0.0, 0.9), (0.0, 0.42), cloth)
     b.box((0.0, 2.0), (0.0, 0.24), (0.42, 0.86), cloth)
@@ -122,7 +122,7 @@ def sofa(kit: Kit) -> None:
 
 
 def armchair(kit: Kit) -> None:
-    """An armchair."""
+    """Draw an armchair."""
     b, cloth = kit.b, kit.pick(kit.stock.fabrics)
     b.box((0.0, 0.85), (0.0, 0.85), (0.08, 0.42), cloth)
     b.box((0.0, 0.85), (0.0, 0.2), (0.42, 0.92), cloth)
@@ -131,7 +131,7 @@ def armchair(kit: Kit) -> None:
 
 
 def coffee_table(kit: Kit) -> None:
-    """A low table with things on it."""
+    """Draw a low table with things on it."""
     wood = kit.pick(kit.stock.woods)
     legs(kit, 1.1, 0.6, 0.38, wood)
     kit.b.box((0.0, 1.1), (0.0, 0.6), (0.38, 0.42), wood)
@@ -139,7 +139,7 @@ def coffee_table(kit: Kit) -> None:
 
 
 def television(kit: Kit) -> None:
-    """A television on a low board."""
+    """Draw a television on a low board."""
     b, wood = kit.b, kit.pick(kit.stock.woods)
     b.box((0.0, 1.6), (0.0, 0.4), (0.0, 0.45), wood)
     b.box((0.5, 1.1), (0.12, 0.3), (0.45, 0.48), kit.stock.black)
@@ -149,7 +149,7 @@ def television(kit: Kit) -> None:
 
 
 def bookcase(kit: Kit) -> None:
-    """A bookcase with books on most shelves and things on the others."""
+    """Draw a bookcase with books on most shelves and things on the others."""
     b, wood = kit.b, kit.pick(kit.stock.woods)
     b.box((0.0, 0.9), (0.0, 0.02), (0.0, 1.96), wood)
     for x in (0.0, 0.88):
@@ -170,7 +170,7 @@ def bookcase(kit: Kit) -> None:
 
 
 def table(kit: Kit) -> None:
-    """A dining table."""
+    """Draw a dining table."""
     wood = kit.pick(kit.stock.woods)
     legs(kit, 1.5, 0.85, 0.71, wood)
     kit.b.box((0.0, 1.5), (0.0, 0.85), (0.71, 0.75), wood)
@@ -178,7 +178,7 @@ def table(kit: Kit) -> None:
 
 
 def chair(kit: Kit) -> None:
-    """A chair; its back is at y = 0. All chairs of a home are of one kind."""
+    """Draw a chair; its back is at y = 0. All chairs of a home are of one kind."""
     b, wood, seat = kit.b, kit.stock.woods[0], kit.stock.fabrics[0]
     legs(kit, 0.42, 0.42, 0.43, wood)
     b.box((0.0, 0.42), (0.0, 0.42), (0.43, 0.48), seat)
@@ -189,7 +189,7 @@ def chair(kit: Kit) -> None:
 
 
 def bed(kit: Kit) -> None:
-    """A double bed with its head at the wall."""
+    """Draw a double bed with its head at the wall."""
     b, wood = kit.b, kit.pick(kit.stock.woods)
     sheet, cover = kit.pick(kit.stock.bedding), kit.pick(kit.stock.bedding, kit.small())
     made = float(kit.small().uniform(0.6, 1.3))  # how far the cover is pulled up
@@ -204,14 +204,14 @@ def bed(kit: Kit) -> None:
 
 
 def night_table(kit: Kit) -> None:
-    """A night table with a lamp."""
+    """Draw a night table with a lamp."""
     b = kit.b
     b.box((0.0, 0.45), (0.0, 0.4), (0.0, 0.5), kit.pick(kit.stock.woods), front=kit.stock.drawers)
     table_lamp(kit, 0.22, 0.2, 0.5)
 
 
 def table_lamp(kit: Kit, x: float, y: float, z: float) -> None:
-    """A small lamp with a shade that shines."""
+    """Draw a small lamp with a shade that shines."""
     b = kit.b
     glow = b.lamp(x, y, z + 0.32, 0.35)
     b.cylinder((x, y), 0.06, (z, z + 0.02), kit.stock.metal)
@@ -221,7 +221,7 @@ def table_lamp(kit: Kit, x: float, y: float, z: float) -> None:
 
 
 def floor_lamp(kit: Kit) -> None:
-    """A lamp on a tall stand."""
+    """Draw a lamp on a tall stand."""
     b = kit.b
     glow = b.lamp(0.2, 0.2, 1.62, 0.8)
     b.cylinder((0.2, 0.2), 0.14, (0.0, 0.03), kit.stock.black)
@@ -231,7 +231,7 @@ def floor_lamp(kit: Kit) -> None:
 
 
 def wardrobe(kit: Kit) -> None:
-    """A wardrobe of three doors."""
+    """Draw a wardrobe of three doors."""
     b, wood = kit.b, kit.pick(kit.stock.woods)
     for k in range(3):
         x = 0.5 * k
@@ -248,7 +248,7 @@ def wardrobe(kit: Kit) -> None:
 
 
 def dresser(kit: Kit) -> None:
-    """A chest of drawers with things on it."""
+    """Draw a chest of drawers with things on it."""
     b, wood = kit.b, kit.pick(kit.stock.woods)
     for k in range(2):
         b.box((0.55 * k, 0.55 * k + 0.55), (0.0, 0.45), (0.0, 0.85), wood, front=kit.stock.drawers)
@@ -256,7 +256,7 @@ def dresser(kit: Kit) -> None:
 
 
 def desk(kit: Kit) -> None:
-    """A desk with a monitor, a lamp and things."""
+    """Draw a desk with a monitor, a lamp and things."""
     b, wood = kit.b, kit.pick(kit.stock.woods)
     b.box((0.0, 0.04), (0.0, 0.65), (0.0, 0.71), wood)
     b.box((0.9, 1.3), (0.0, 0.62), (0.0, 0.71), wood, front=kit.stock.drawers)
@@ -271,7 +271,7 @@ def desk(kit: Kit) -> None:
 
 
 def kitchen_unit(kit: Kit) -> None:
-    """A base unit with worktop, and a wall unit above."""
+    """Draw a base unit with worktop, and a wall unit above."""
     b, stock = kit.b, kit.stock
     kind = int(kit.rng.integers(5))
     front = stock.drawers if kind == 0 else stock.oven if kind == 1 else stock.front
@@ -294,13 +294,13 @@ def kitchen_unit(kit: Kit) -> None:
 
 
 def tall_fridge(kit: Kit) -> None:
-    """A fridge."""
+    """Draw a fridge."""
     kit.b.box((0.0, 0.6), (0.0, 0.64), (0.0, 1.85), kit.stock.white, front=kit.stock.fridge)
     kit.b.box((0.1, 0.5), (0.1, 0.5), (1.85, 2.05), kit.stock.cardboard)
 
 
 def bathtub(kit: Kit) -> None:
-    """A bath, full of water."""
+    """Draw a bath, full of water."""
     b, stock = kit.b, kit.stock
     b.box((0.0, 1.7), (0.0, 0.75), (0.0, 0.56), stock.ceramic, front=stock.walls["bathroom"])
     b.rectangle((0.1, 0.1), (1.5, 0.55), 0.563, stock.glass)
@@ -308,7 +308,7 @@ def bathtub(kit: Kit) -> None:
 
 
 def toilet(kit: Kit) -> None:
-    """A toilet."""
+    """Draw a toilet."""
     b, white = kit.b, kit.stock.ceramic
     b.box((0.02, 0.38), (0.0, 0.18), (0.0, 0.8), white)
     b.cylinder((0.2, 0.42), 0.19, (0.0, 0.42), white)
@@ -316,7 +316,7 @@ def toilet(kit: Kit) -> None:
 
 
 def washbasin(kit: Kit) -> None:
-    """A washbasin on a cupboard, with a mirror above."""
+    """Draw a washbasin on a cupboard, with a mirror above."""
     b, stock = kit.b, kit.stock
     b.box((0.05, 0.65), (0.0, 0.42), (0.0, 0.74), stock.white, front=stock.front)
     b.box((0.0, 0.7), (0.0, 0.47), (0.74, 0.86), stock.ceramic)
@@ -327,13 +327,13 @@ def washbasin(kit: Kit) -> None:
 
 
 def washing_machine(kit: Kit) -> None:
-    """A washing machine with a basket on top."""
+    """Draw a washing machine with a basket on top."""
     kit.b.box((0.0, 0.6), (0.0, 0.58), (0.0, 0.86), kit.stock.white, front=kit.stock.washer)
     clutter(kit, 0.6, 0.5, 0.86, 2)
 
 
 def plant(kit: Kit) -> None:
-    """A tall plant in a pot."""
+    """Draw a tall plant in a pot."""
     b = kit.b
     b.cylinder((0.25, 0.25), 0.17, (0.0, 0.34), kit.pick(kit.stock.colors), top=kit.stock.woods[2])
     b.cylinder((0.25, 0.25), 0.025, (0.34, 0.8), kit.stock.woods[2], solid=False)
@@ -347,7 +347,7 @@ def plant(kit: Kit) -> None:
 
 
 def parcels(kit: Kit) -> None:
-    """A few boxes on the floor, left where there was room."""
+    """Draw a few boxes on the floor, left where there was room."""
     rng = kit.small()
     top = 0.0
     for _ in range(int(rng.integers(1, 4))):

@@ -8,7 +8,12 @@ import numpy as np
 
 from pflut.geometry import FloatArray
 from pflut.simulation.changes import Changes
-from pflut.simulation.free_space import FreeSpace, footprint_mask, occupied_by_walls
+from pflut.simulation.free_space import (
+    FreeSpace,
+    footprint_mask,
+    free_space_of_walls,
+    occupied_by_walls,
+)
 from pflut.simulation.furnishing import Furnisher
 from pflut.simulation.layout import Opening, Room, plan_flat
 from pflut.simulation.scene import Scene, SceneBuilder
@@ -121,6 +126,5 @@ def free_space(home: Home) -> FreeSpace:
 
 def is_inside(home: Home, x: float, y: float) -> bool:
     """Say whether a point is in a room or a doorway of a home, not in a wall or outside."""
-    occupied = occupied_by_walls(home.rooms, home.openings)
-    space = FreeSpace.from_occupied(occupied)
+    space = free_space_of_walls(home.rooms, home.openings)
     return bool(space.at([[x, y]])[0] > 0.0)

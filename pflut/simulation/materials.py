@@ -7,6 +7,7 @@ repeats without a seam. How many metres it covers is the caller's business.
 from __future__ import annotations
 
 import colorsys
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -79,7 +80,7 @@ def wallpaper(rng: np.random.Generator, color: Color) -> Image:
 
 
 def brick(rng: np.random.Generator, color: Color) -> Image:
-    """A brick wall in running bond; 1.6 m a side."""
+    """Paint a brick wall in running bond; 1.6 m a side."""
     size, rows, columns = 512, 20, 8
     image = _filled((size, size), (0.70, 0.67, 0.62))
     height, width = size / rows, size / columns
@@ -96,12 +97,12 @@ def brick(rng: np.random.Generator, color: Color) -> Image:
 
 
 def planks(rng: np.random.Generator, color: Color) -> Image:
-    """A wooden floor of boards with their own tones, grain and knots; 2 m a side."""
+    """Paint a wooden floor of boards with their own tones, grain and knots; 2 m a side."""
     size, boards = 512, 14
     image = np.zeros((size, size, 3), dtype=np.float32)
     grain = noise(rng, size, size, (64, 4), 3)
     edges = np.linspace(0, size, boards + 1).astype(int)
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         start = int(rng.integers(size))
         joints = np.sort(rng.choice(size, 3, replace=False))
         tones = [np.asarray(vary(rng, color, 0.02)) * rng.uniform(0.88, 1.1) for _ in joints]
@@ -121,7 +122,7 @@ def planks(rng: np.random.Generator, color: Color) -> Image:
 
 
 def parquet(rng: np.random.Generator, color: Color) -> Image:
-    """A basket-weave parquet of blocks with five slats each; 1.2 m a side."""
+    """Paint a basket-weave parquet of blocks with five slats each; 1.2 m a side."""
     size, block, slats = 512, 128, 5
     image = np.zeros((size, size, 3), dtype=np.float32)
     grain = noise(rng, size, size, (64, 8), 3)
@@ -129,7 +130,7 @@ def parquet(rng: np.random.Generator, color: Color) -> Image:
         for column in range(size // block):
             tile = np.zeros((block, block, 3), dtype=np.float32)
             edges = np.linspace(0, block, slats + 1).astype(int)
-            for low, high in zip(edges[:-1], edges[1:], strict=True):
+            for low, high in pairwise(edges):
                 tile[low:high] = np.asarray(vary(rng, color, 0.02)) * rng.uniform(0.88, 1.08)
                 tile[low] *= 0.6
             y, x = row * block, column * block
@@ -182,7 +183,7 @@ def tiles(
 
 
 def checker(rng: np.random.Generator, light: Color, dark: Color) -> Image:
-    """A chessboard of veined stone tiles; 1.6 m a side, 40 cm a tile."""
+    """Paint a chessboard of veined stone tiles; 1.6 m a side, 40 cm a tile."""
     size, count = 512, 4
     side = size // count
     cells = (np.arange(size) // side)[:, None] + (np.arange(size) // side)[None]
@@ -232,7 +233,7 @@ def fabric(rng: np.random.Generator, color: Color) -> Image:
 
 
 def curtain(rng: np.random.Generator, color: Color) -> Image:
-    """A curtain's folds; the width is one repeat."""
+    """Paint a curtain's folds; the width is one repeat."""
     size = 256
     x = np.linspace(0.0, 1.0, size, endpoint=False)
     folds = np.zeros(size)
@@ -245,7 +246,7 @@ def curtain(rng: np.random.Generator, color: Color) -> Image:
 
 
 def rug(rng: np.random.Generator) -> Image:
-    """A rug: borders, medallions and motifs, symmetric about both axes; the whole rug."""
+    """Paint a rug: borders, medallions and motifs, symmetric about both axes; the whole rug."""
     height, width = 256, 512
     start = float(rng.random())
     palette = [

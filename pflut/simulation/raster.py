@@ -192,7 +192,7 @@ def _light(lights, s, u, v, rgb):  # type: ignore[no-untyped-def]
     nu, nv = int(s[LIGHT_U]), int(s[LIGHT_V])
     kind = s[KIND]
     u_size, v_size = s[LENGTH], s[SIZE]
-    if kind == CYLINDER or kind == SPHERE:
+    if kind in (CYLINDER, SPHERE):
         u_size = 2.0 * np.pi * s[LENGTH]
         if kind == SPHERE:
             v_size = np.pi * s[SIZE]
@@ -218,7 +218,7 @@ def _light(lights, s, u, v, rgb):  # type: ignore[no-untyped-def]
 def _rows_of(s, near, far, height, top, step, rows):  # type: ignore[no-untyped-def]
     """Give the first and the last sampled row that a surface may cover in a column."""
     kind = s[KIND]
-    if kind == QUAD or kind == CYLINDER:
+    if kind in (QUAD, CYLINDER):
         low, high = (s[Z] - height) / near, (s[Z] + s[SIZE] - height) / near
     elif kind == SPHERE:
         low, high = s[Z] - s[SIZE] - height, s[Z] + s[SIZE] - height
@@ -290,7 +290,7 @@ def _scan_column(  # type: ignore[no-untyped-def]
         if kind == QUAD and solid and s[Z] <= closed[0] and s[Z] + s[SIZE] >= closed[1]:
             wall = min(wall, near)
         for row in range(first, last + 1):
-            if kind == QUAD or kind == CYLINDER:
+            if kind in (QUAD, CYLINDER):
                 d = near
             elif kind == SPHERE:
                 d = _sphere_distance(s, near, far, height, tangents[row])
@@ -323,7 +323,7 @@ def _shade(  # type: ignore[no-untyped-def]
     if kind == QUAD:
         slope = max(abs(ca * s[UY] - sa * s[UX]), 0.05)
         footprint_u, footprint_v = pixel * d / slope, pixel * d * secant * secant
-    elif kind == RECTANGLE or kind == DISC:
+    elif kind in (RECTANGLE, DISC):
         slope = max(abs(tangent) / secant, 0.05)
         footprint_u, footprint_v = pixel * d, pixel * d * secant / slope
     else:
@@ -439,28 +439,3 @@ def draw_columns(  # type: ignore[no-untyped-def]
                     )  # fmt: skip
                     for channel in range(3):
                         image[y, x, channel] += rgb[channel] / (n * n)
-
-
-@jit
-def develop(linear, gain, shot, read, noise, image):  # type: ignore[no-untyped-def]
-    """Turn linear light into a picture: exposure, sensor noise, a soft shoulder, square root.
-
-    Parameters
-    ----------
-    linear : ndarray of shape (height, width, 3) float32
-    gain : ndarray of shape (3,)
-        Exposure times the white balance of each channel.
-    shot, read : float
-        Variance of the shot noise at full scale, and sd of the read noise.
-    noise : ndarray of shape (height, width, 3) float32
-        Standard normal.
-    image : ndarray of shape (height, width, 3) uint8
-        Out: red, green, blue.
-    """
-    for y in range(linear.shape[0]):
-        for x in range(linear.shape[1]):
-            for channel in range(3):
-                value = gain[channel] * linear[y, x, channel]
-                value += noise[y, x, channel] * np.sqrt(shot * value + read * read)
-                value = 1.0 - np.exp(-max(value, 0.0))
-                image[y, x, channel] = int(255.0 * np.sqrt(value) + 0.5)

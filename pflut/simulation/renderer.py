@@ -10,7 +10,8 @@ from pflut.geometry import TWO_PI, FloatArray, as_poses
 from pflut.simulation.home import Home, is_inside
 from pflut.simulation.layout import CEILING
 from pflut.simulation.lighting import Lighting, LightMap, make_light_map
-from pflut.simulation.raster import develop, draw_columns, surface_spans
+from pflut.simulation.raster import draw_columns, surface_spans
+from pflut.simulation.sensor import blurred, develop
 
 LENS_BLUR = 1.1  # pixels
 CAMERA_HEIGHT = 1.2  # metres above the floor where the camera's mount says nothing
@@ -66,12 +67,12 @@ def render_panorama(
     light = Lighting() if lighting is None else lighting
     lights = make_light_map(home, light) if light_map is None else light_map
     poses = as_poses(pose if blur_poses is None else blur_poses, "pose")
-    linear = np.zeros((camera.height, camera.width, 3), dtype=np.float32)
-    for row in poses:
-        linear += render_linear(home, row, camera, lights, supersampling=supersampling)
-    linear /= len(poses)
+    linear = np.mean(
+        [render_linear(home, row, camera, lights, supersampling=supersampling) for row in poses],
+        axis=0,
+    )
     if lens_blur > 0.0:
-        linear = _blurred(linear, lens_blur)
+        linear = blurred(linear, lens_blur)
     noise = np.random.default_rng(rng).standard_normal(linear.shape, dtype=np.float32)
     image = np.empty(linear.shape, dtype=np.uint8)
     develop(linear, light.gain(), light.shot_noise, light.read_noise, noise, image)
@@ -119,17 +120,6 @@ def render_linear(
         image,
     )
     return image
-
-
-def _blurred(linear: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
-    """Blur a panorama, around its seam too."""
-    import cv2
-
-    pad = int(np.ceil(3.0 * sigma))
-    wide = np.pad(linear, ((0, 0), (pad, pad), (0, 0)), mode="wrap")
-    size = (2 * pad + 1, 2 * pad + 1)
-    soft = cv2.GaussianBlur(wide, size, sigma, borderType=cv2.BORDER_REPLICATE)
-    return np.ascontiguousarray(soft[:, pad:-pad])
 
 
 def _lens(home: Home, pose: FloatArray, camera: EquirectangularPanorama) -> FloatArray:

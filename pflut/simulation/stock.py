@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pflut.simulation import materials, prints
+from pflut.simulation import fronts, materials, prints
 from pflut.simulation.materials import hue, vary
 from pflut.simulation.scene import SKY_GLOW, Material, SceneBuilder
 from pflut.simulation.textures import plain
@@ -107,11 +107,11 @@ def make_stock(b: SceneBuilder, rng: np.random.Generator) -> Stock:
             )
             for k in range(7)
         ),
-        foliage=many(prints.foliage, 2, cutout=True),
+        foliage=many(fronts.foliage, 2, cutout=True),
         pictures=many(prints.print_of, 13),
         posters=many(prints.poster, 3),
         books=many(prints.books, 6),
-        packages=many(prints.package, 6),
+        packages=many(fronts.package, 6),
         rugs=many(materials.rug, 3),
         curtains=tuple(
             b.material(
@@ -124,17 +124,17 @@ def make_stock(b: SceneBuilder, rng: np.random.Generator) -> Stock:
         views=tuple(b.material(prints.view_outside(rng), glow=SKY_GLOW) for _ in range(2)),
         sky=b.material(plain(rng, (0.60, 0.76, 0.95)), 8.0, glow=SKY_GLOW),
         faces=many(prints.face, 3),
-        clock=b.material(prints.clock(rng), cutout=True),
-        screen=b.material(prints.screen(rng)),
-        radiator=b.material(prints.radiator(rng)),
-        door=b.material(prints.door(rng)),
-        front=b.material(prints.cupboard(rng, kitchen)),
-        drawers=b.material(prints.cupboard(rng, kitchen, drawers=3)),
-        wardrobe=b.material(prints.cupboard(rng, wardrobe)),
+        clock=b.material(fronts.clock(rng), cutout=True),
+        screen=b.material(fronts.screen(rng)),
+        radiator=b.material(fronts.radiator(rng)),
+        door=b.material(fronts.door(rng)),
+        front=b.material(fronts.cupboard(rng, kitchen)),
+        drawers=b.material(fronts.cupboard(rng, kitchen, drawers=3)),
+        wardrobe=b.material(fronts.cupboard(rng, wardrobe)),
         worktop=b.material(plain(rng, (0.32, 0.31, 0.30), 128, grain=0.06), 0.6),
-        oven=b.material(prints.oven(rng)),
-        fridge=b.material(prints.fridge(rng)),
-        washer=b.material(prints.washer(rng)),
+        oven=b.material(fronts.oven(rng)),
+        fridge=b.material(fronts.fridge(rng)),
+        washer=b.material(fronts.washer(rng)),
         floors=_floors(b, rng),
         walls={
             kind: b.material(

@@ -160,10 +160,10 @@ def _window(
     b.box((a - 0.06, c + 0.06), (-0.13, thickness), sill, stock.white)
     depth = (0.6 * thickness, 0.6 * thickness + 0.05)
     bar = 0.055
-    for x in ((a, a + bar), (c - bar, c), (middle - 0.5 * bar, middle + 0.5 * bar)):
-        b.box(x, depth, (hole.bottom, hole.top), stock.white, solid=False)
-    for z in (hole.bottom, hole.top - bar, hole.bottom + 0.68 * (hole.top - hole.bottom)):
-        b.box((a, c), depth, (z, z + bar), stock.white, solid=False)
+    for across in ((a, a + bar), (c - bar, c), (middle - 0.5 * bar, middle + 0.5 * bar)):
+        b.box(across, depth, (hole.bottom, hole.top), stock.white, solid=False)
+    for low in (hole.bottom, hole.top - bar, hole.bottom + 0.68 * (hole.top - hole.bottom)):
+        b.box((a, c), depth, (low, low + bar), stock.white, solid=False)
     x, y = b.to_world(middle, 0.5 * thickness)
     inside = np.array(b.to_world(middle, -1.0)) - b.to_world(middle, 0.0)
     height = hole.top - hole.bottom
@@ -173,12 +173,12 @@ def _window(
     if kind != "kitchen":
         cloth = stock.curtains[int(rng.integers(3))]
         wide = float(rng.uniform(0.22, 0.4))
-        low, high = max(a - wide - 0.02, 0.02), min(c + wide + 0.02, length - 0.02)
+        first, last = max(a - wide - 0.02, 0.02), min(c + wide + 0.02, length - 0.02)
         bottom = float(rng.choice([0.06, hole.bottom - 0.12]))
         drawn = changes()  # how far the curtains are drawn today
         reach = float(drawn.choice([0.05, 0.05, 0.5]) * drawn.uniform(0.6, 1.0) * (c - a))
-        for left, right in ((low, a + reach), (c - reach, high)):
+        for left, right in ((first, a + reach), (c - reach, last)):
             if right - left > 0.12:
                 b.box((left, right), (-0.17, -0.13), (bottom, 2.34), cloth)
-        b.box((low - 0.02, high + 0.02), (-0.16, -0.14), (2.34, 2.37), stock.metal)
+        b.box((first - 0.02, last + 0.02), (-0.16, -0.14), (2.34, 2.37), stock.metal)
     b.box((a + 0.1, c - 0.1), (-0.11, -0.02), (0.12, 0.72), stock.radiator)
