@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numba
 
-F = TypeVar("F", bound=Callable)
+F = TypeVar("F", bound=Callable[..., Any])
 
 # STUMPY's set: everything that lets a sum be vectorised, without `nnan` and `ninf`,
 # because log(0) = -inf and isnan() must keep their meaning.
@@ -31,6 +31,7 @@ def jit(function: F) -> F:
     """
     options = {"nogil": True, "fastmath": FASTMATH, "error_model": "numpy"}
     try:
-        return numba.njit(cache=True, **options)(function)
+        compiled: F = numba.njit(cache=True, **options)(function)
     except RuntimeError:  # no folder for the cache can be written: a read-only install
-        return numba.njit(**options)(function)
+        compiled = numba.njit(**options)(function)
+    return compiled

@@ -51,7 +51,7 @@ class GridPosterior:
     @property
     def centers(self) -> FloatArray:
         """The cells' centres, radians, of shape (B,)."""
-        return (np.arange(self.bins) + 0.5) * (TWO_PI / self.bins)
+        return np.asarray((np.arange(self.bins) + 0.5) * (TWO_PI / self.bins))
 
     @cached_property
     def prob(self) -> FloatArray:
@@ -73,7 +73,9 @@ class GridPosterior:
 
         def offset(before: float, here: float, after: float) -> float:
             curvature = 2.0 * here - before - after
-            return 0.5 * (after - before) / curvature if curvature > 0.0 else 0.0
+            if not 0.0 < curvature < np.inf:  # a plateau, or a neighbour that is impossible
+                return 0.0
+            return 0.5 * (after - before) / curvature
 
         log_prob = self.log_prob
         d_l = offset(log_prob[i - 1, j], log_prob[i, j], log_prob[(i + 1) % bins, j])
@@ -86,11 +88,11 @@ class GridPosterior:
 
     def heading_l(self) -> FloatArray:
         """Return the marginal of heading_l: probabilities of shape (B,) at `centers`."""
-        return self.prob.sum(axis=1)
+        return np.asarray(self.prob.sum(axis=1))
 
     def heading_r(self) -> FloatArray:
         """Return the marginal of heading_r: probabilities of shape (B,) at `centers`."""
-        return self.prob.sum(axis=0)
+        return np.asarray(self.prob.sum(axis=0))
 
     def rotation(self) -> tuple[FloatArray, FloatArray]:
         """Return the marginal of the rotation psi = heading_l - heading_r + pi.

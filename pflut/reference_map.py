@@ -8,7 +8,7 @@ import zlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -282,7 +282,7 @@ class ReferenceMap:
         ----------
         path : path
         """
-        stacked = {
+        stacked: dict[str, Any] = {
             field: np.concatenate([getattr(f, field) for f in self.features])
             for field in FEATURE_FIELDS
         }

@@ -22,6 +22,8 @@ from pflut.plot import plot_error_against, save_figure
 
 MISMATCHES = (0.0, 0.5, 0.7, 0.8, 0.85, 0.9, 0.93, 0.95)
 SUCCESS = 0.1
+COLUMNS = ("table", "correspondences", "mismatch", "success", "low", "high")
+COLUMNS += ("median_rad", "rotation_rad")
 
 
 def run(table: LikelihoodTable, count: int, mismatch: float, pairs: int) -> np.ndarray:
@@ -59,18 +61,13 @@ def main() -> None:
             rows.append((*row, np.median(larger), np.median(errors[:, 2])))
             drawn[count][name].append(np.degrees(errors[:, 0]))
     print(f"{pairs} pairs a cell, seed 1; success: both headings within {SUCCESS} rad")
-    print(
-        f"{'table':24}{'n':>5}{'mismatch':>10}{'success':>9}  {'95 % interval':15}{'median [rad]':>13}"
-    )
+    print("table                       n  mismatch  success  95 % interval   median [rad]")
     for name, count, share, value, low, high, median, _ in rows:
-        print(
-            f"{name:24}{count:5}{share:10.2f}{value:9.3f}  {low:.3f} to {high:.3f} {median:13.4f}"
-        )
+        interval = f"{low:.3f} to {high:.3f}"
+        print(f"{name:24}{count:5}{share:10.2f}{value:9.3f}  {interval} {median:13.4f}")
     with (arguments.output / "success.csv").open("w", newline="") as file:
         writer = csv.writer(file)
-        writer.writerow(
-            "table,correspondences,mismatch,success,low,high,median_rad,rotation_rad".split(",")
-        )
+        writer.writerow(COLUMNS)
         writer.writerows(rows)
     for count, methods in drawn.items():
         x = np.repeat(np.arange(len(MISMATCHES)), pairs)

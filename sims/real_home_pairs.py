@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -90,7 +91,7 @@ def main() -> None:
     print(f"{'distance [m]':14}{'pairs':>6}{'found':>7}   median error [deg] of all pairs")
     print(f"{'':27}{'heading':>10}{'rotation':>10}{'median azimuth':>16}")
     edges = np.arange(0.0, arguments.max_distance + 0.5, 0.5)
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         chosen = (distance >= low) & (distance < high)
         if chosen.any():
             medians = np.median(values[chosen, 4:7], axis=0)
@@ -100,10 +101,11 @@ def main() -> None:
             )
     for name, chosen in (("all", np.ones(len(values), bool)), ("success", found)):
         for column, label in ((5, "maximum likelihood"), (6, "median azimuth")):
+            median = np.median(values[chosen, column])
             low, high = bootstrap_median(values[chosen, column], rng=0)
             print(
-                f"rotation error, {name:8}{label:20} median {np.median(values[chosen, column]):6.2f}"
-                f" deg, 95 % interval {low:.2f} to {high:.2f}"
+                f"rotation error, {name:8}{label:20} median {median:6.2f} deg, "
+                f"95 % interval {low:.2f} to {high:.2f}"
             )
     title = f"{dataset.name}, {len(values)} pairs"
     save_figure(

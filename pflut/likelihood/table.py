@@ -171,7 +171,7 @@ class LikelihoodTable:
                 num_threads=num_threads,
                 progress=progress,
             )
-            return counts / counts.sum()
+            return np.asarray(counts / counts.sum(), dtype=np.float64)
 
         if mismatches == "uniform":
             log_ratio = log_ratio_from_counts(
