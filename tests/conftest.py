@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
 import room
 
 from pflut.datasets import Dataset, load_folder
+from pflut.datasets.simulated_home import RENDERER_VERSION
 from pflut.features import FeatureCache
-from pflut.likelihood.table import LikelihoodTable
+from pflut.likelihood.storage import VERSION
+from pflut.likelihood.table import DEFAULT_SAMPLES, LikelihoodTable
 
 
 @pytest.fixture(scope="session")
@@ -39,4 +42,21 @@ def room_dataset(room_folder: Path) -> Dataset:
 @pytest.fixture(scope="session")
 def room_cache(tmp_path_factory: pytest.TempPathFactory) -> FeatureCache:
     """A cache of the room's features that the tests share."""
-    return FeatureCache(tmp_path_factory.mktemp("features"))
+    return FeatureCache(tmp_path_factory.mktemp("cache") / "features")
+
+
+@pytest.fixture(scope="session")
+def room_home_cache(
+    tmp_path_factory: pytest.TempPathFactory,
+    room_folder: Path,
+    room_cache: FeatureCache,
+    small_table: LikelihoodTable,
+) -> Path:
+    """A user's cache folder: the simulated homes 0 to 2 are the room, the tables are small."""
+    cache = room_cache.folder.parent
+    for seed in range(3):
+        name = f"v{RENDERER_VERSION}-seed{seed}-people0-blur0"
+        shutil.copytree(room_folder, cache / "simulated-home" / name)
+    for bins in (32, 128):
+        small_table.save(cache / f"table-v{VERSION}-{bins}-{DEFAULT_SAMPLES}.npz")
+    return cache

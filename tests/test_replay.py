@@ -112,7 +112,7 @@ def test_leave_one_out_compares_an_image_with_all_but_itself(
     assert result.each_on_its_own and len(result) == 5
     assert result.errors is not None
     # against itself the error would be exactly zero
-    assert 0.0 < result.errors.position.min()
+    assert result.errors.position.min() > 0.0
     assert result.success()["successes"] >= 4
     assert result.odometry_alone is None and "odometry_alone" not in result.metrics()
     again = replay(room_dataset, options=options, max_images=5, leave_one_out=True)

@@ -16,7 +16,9 @@ def add_parser(verbs: Subparsers) -> None:
         "describe a dataset (info), or render a simulated home into a folder (render)",
         usage="{info,render} ...",
     )
-    actions = parser.add_subparsers(title="actions", metavar="ACTION", required=True)
+    actions = parser.add_subparsers(
+        title="actions", metavar="ACTION", required=True, prog=parser.prog
+    )
     info = add_verb(
         actions,
         "info",

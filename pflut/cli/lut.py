@@ -33,7 +33,9 @@ def add_parser(verbs: Subparsers) -> None:
         "learn a likelihood table (build), or describe one (info)",
         usage="{build,info} ...",
     )
-    actions = parser.add_subparsers(title="actions", metavar="ACTION", required=True)
+    actions = parser.add_subparsers(
+        title="actions", metavar="ACTION", required=True, prog=parser.prog
+    )
     build = add_verb(
         actions,
         "build",

@@ -116,7 +116,8 @@ def run(arguments: argparse.Namespace) -> None:
     from pflut.replay.seeds import replay_seeds, summarize_seeds
     from pflut.results import create_results_folder, run_record, write_json
 
-    folder = create_results_folder(arguments.output, "simulate", overwrite=True)
+    begun = arguments.output is not None and (arguments.output / "settings.json").is_file()
+    folder = create_results_folder(arguments.output, "simulate", overwrite=begun)
     record = run_record(command_line(), arguments=as_json(arguments), options=options.as_dict())
     runs = []
     with Bars() as bars:

@@ -1,0 +1,560 @@
+"""The command line: what it prints and writes, its exit codes, and wrong input of every kind."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import pytest
+
+from pflut import __version__
+from pflut.cli import main
+from pflut.datasets import load_folder
+from pflut.features import FeatureExtractor, match_indices
+from pflut.likelihood import storage
+from pflut.likelihood.table import LikelihoodTable
+from pflut.trajectory import read_tum
+
+COMMAND = (sys.executable, "-c", "import sys; from pflut.cli import main; sys.exit(main())")
+FAST = ("--no-figures", "--particles", "1000", "--bins", "32")
+
+
+class Outcome(NamedTuple):
+    code: int
+    out: str
+    err: str
+
+
+Run = Callable[..., Outcome]
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room_home_cache: Path
+) -> None:
+    """No test writes into the working directory or the user's cache."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PFLUT_CACHE", str(room_home_cache))
+
+
+@pytest.fixture
+def run(capfd: pytest.CaptureFixture) -> Run:
+    """Run the command line in this process."""
+
+    def call(*arguments: object) -> Outcome:
+        try:
+            code = main([str(argument) for argument in arguments])
+        except SystemExit as stop:  # argparse
+            code = int(stop.code or 0)
+        out, err = capfd.readouterr()
+        return Outcome(code, out, err)
+
+    return call
+
+
+@pytest.fixture
+def copied(room_folder: Path, tmp_path: Path) -> Path:
+    """A copy of the room that a test may spoil."""
+    return Path(shutil.copytree(room_folder, tmp_path / "room"))
+
+
+def refused(outcome: Outcome, *words: str) -> None:
+    """Check that bad input ended in one line that names what was wrong."""
+    assert outcome.code == 1
+    lines = outcome.err.strip().splitlines()
+    assert len(lines) == 1 and lines[0].startswith("pflut: error: "), outcome.err
+    for word in words:
+        assert word in lines[0]
+
+
+# --- replay ------------------------------------------------------------------------------------
+
+
+def test_replay_writes_a_results_folder(run: Run, room_folder: Path) -> None:
+    outcome = run("replay", room_folder, "--particles", "1000", "--bins", "32", "--animate",
+                  "--output", "out", "--max-images", "6")  # fmt: skip
+    assert outcome.code == 0 and outcome.err == ""
+    out = Path("out")
+    files = {str(path.relative_to(out)) for path in out.rglob("*") if path.is_file()}
+    assert files == {
+        "poses.tum",
+        "groundtruth.tum",
+        "odometry.tum",
+        "steps.csv",
+        "metrics.json",
+        "timings.json",
+        "run.json",
+        "figures/trajectory.png",
+        "figures/errors.png",
+        "figures/posterior.png",
+        "figures/particles.gif",
+    }
+    for text in ("room: 6 images, 12 references, 1000 particles, globally lost, seed 0",
+                 "position error [m]", "heading error [deg]", "across track", "odometry alone",
+                 "converged", "confidence", "matching references", "results: out"):  # fmt: skip
+        assert text in outcome.out
+    record = json.loads((out / "run.json").read_text())
+    assert record["finished"] and record["seed"] == 0
+    assert record["options"]["num_particles"] == 1000
+    assert record["versions"]["pflut"] == __version__
+    assert len(read_tum(out / "poses.tum")) == 6
+    assert len((out / "steps.csv").read_text().splitlines()) == 7
+
+
+def test_replay_is_reproducible_to_the_byte(run: Run, room_folder: Path) -> None:
+    for name, seed in (("a", 4), ("b", 4), ("c", 5)):
+        run("replay", room_folder, *FAST, "--max-images", 3, "--seed", seed, "--output", name)
+    for file in ("poses.tum", "metrics.json"):
+        assert Path("a", file).read_bytes() == Path("b", file).read_bytes()
+        assert Path("a", file).read_bytes() != Path("c", file).read_bytes()
+
+
+def test_replay_of_the_default_dataset_goes_to_a_dated_folder(run: Run) -> None:
+    outcome = run("replay", *FAST, "--max-images", 2, "--start", "truth")
+    assert outcome.code == 0
+    (folder,) = Path("results").iterdir()
+    assert folder.name.endswith("_room") and f"results: {folder}" in outcome.out
+
+
+def test_replay_from_a_pose(run: Run, room_folder: Path) -> None:
+    truth = load_folder(room_folder).ground_truth
+    assert truth is not None
+    x, y, heading = truth[12]
+    start = f"--start={x},{y},{np.degrees(heading)}"
+    outcome = run("replay", room_folder, *FAST, "--max-images", 2, start, "--output", "out")
+    assert outcome.code == 0 and "started at" in outcome.out
+    error = read_tum("out/poses.tum").poses[0] - truth[12]
+    assert np.hypot(*error[:2]) < 0.3
+
+
+def test_replay_leaving_one_out(run: Run, room_folder: Path) -> None:
+    outcome = run("replay", room_folder, *FAST, "--leave-one-out", "--max-images", 2,
+                  "--search-spacing", "0.3", "--output", "out")  # fmt: skip
+    assert outcome.code == 0
+    assert "every image is a reference for all the others" in outcome.out
+    assert "within 0.25 m and 5 deg:" in outcome.out
+    assert not Path("out/odometry.tum").exists()
+    metrics = json.loads(Path("out/metrics.json").read_text())
+    assert metrics["success"]["count"] == 2
+
+
+def test_replay_says_that_it_simulates_odometry(run: Run, copied: Path) -> None:
+    (copied / "odometry.tum").unlink()
+    outcome = run("replay", copied, *FAST, "--max-images", 2, "--output", "out")
+    assert outcome.code == 0 and "note: odometry simulated from the ground truth" in outcome.out
+
+
+def test_replay_without_ground_truth_of_the_queries(run: Run, copied: Path) -> None:
+    truth = copied / "groundtruth.tum"
+    truth.write_text("\n".join(truth.read_text().splitlines()[:13]) + "\n")  # the references'
+    outcome = run("replay", copied, "--bins", 32, "--max-images", 2, "--output", "out")
+    assert outcome.code == 0 and "no ground truth: no errors" in outcome.out
+    assert not Path("out/groundtruth.tum").exists()
+    assert Path("out/figures/trajectory.png").is_file()
+
+
+def test_replay_with_a_table_of_its_own(
+    run: Run, room_folder: Path, small_table: LikelihoodTable
+) -> None:
+    small_table.save("table.npz")
+    outcome = run("replay", room_folder, "--no-figures", "--table", "table.npz", "--max-images", 1)
+    assert outcome.code == 0
+
+
+def test_replay_leaves_results_alone_unless_told(run: Run, room_folder: Path) -> None:
+    Path("out").mkdir()
+    Path("out/precious").touch()
+    wanted = ("replay", room_folder, *FAST, "--max-images", 1, "--output", "out")
+    refused(run(*wanted), "out: holds something already")
+    assert run(*wanted, "--overwrite").code == 0
+    assert Path("out/precious").is_file()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for a child")
+def test_interrupted_replay_keeps_its_steps(room_folder: Path) -> None:
+    command = [*COMMAND, "replay", str(room_folder), *FAST, "--no-cache", "--output", "out"]
+    steps = Path("out/steps.csv")
+    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        deadline = time.monotonic() + 60
+        while not (steps.is_file() and steps.read_text().count("\n") >= 3):
+            assert process.poll() is None and time.monotonic() < deadline
+            time.sleep(0.01)
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert err.decode().strip() == "pflut: interrupted: what was done is kept in out/steps.csv"
+    rows = list(csv.DictReader(steps.read_text().splitlines()))
+    assert 2 <= len(rows) < 12 and all(float(row["error_m"]) >= 0.0 for row in rows)
+    assert not json.loads(Path("out/run.json").read_text())["finished"]
+
+
+# --- simulate ----------------------------------------------------------------------------------
+
+
+def test_simulate_sums_up_and_goes_on(run: Run) -> None:
+    wanted = ("--bins", 32, "--particles", 1000, "--max-images", 3, "--jobs", 1, "--output", "out")
+    outcome = run("simulate", "--seeds", 2, *wanted)
+    assert outcome.code == 0
+    assert "converged within 10 images: 2 of 2 drives (100 %, 95 % interval 34 to 100 %)" in (
+        outcome.out
+    )
+    first = Path("out/seed_0.json").read_bytes()
+    outcome = run("simulate", "--seeds", "0..2", *wanted)
+    assert outcome.code == 0 and "3 of 3 drives" in outcome.out
+    assert Path("out/seed_0.json").read_bytes() == first
+    assert json.loads(Path("out/metrics.json").read_text())["drives"] == 3
+    assert Path("out/figures/drives.png").is_file()
+    refused(run("simulate", "--seeds", 2, *wanted, "--temperature", "0.9"), "another temperature")
+
+
+def test_simulate_takes_no_foreign_folder(run: Run) -> None:
+    Path("out").mkdir()
+    Path("out/precious").touch()
+    refused(run("simulate", "--output", "out"), "out: holds something already")
+
+
+@pytest.mark.parametrize("seeds", ["0", "5..3", "-1..3", "many", "1..2..3"])
+def test_simulate_refuses_seeds_that_are_none(run: Run, seeds: str) -> None:
+    outcome = run("simulate", f"--seeds={seeds}")
+    assert outcome.code == 2 and "expected a number or A..B" in outcome.err
+
+
+# --- relpose -----------------------------------------------------------------------------------
+
+
+def test_relpose_finds_the_true_pose(run: Run, room_folder: Path) -> None:
+    outcome = run("relpose", "12", "000013.png", "--dataset", room_folder, "--figure", "pair.png")
+    assert outcome.code == 0 and "success     yes" in outcome.out
+    rows = {line.split()[0]: line.split() for line in outcome.out.splitlines() if line}
+    for name in ("heading_l", "heading_r", "rotation"):
+        true = rows["truth"][rows["truth"].index(name) + 1].strip(",;")
+        difference = float(rows[name][1]) - float(true)
+        assert abs((difference + 180.0) % 360.0 - 180.0) < 3.0
+    assert Path("pair.png").is_file() and Path("pair-posterior.png").is_file()
+
+
+def test_relpose_by_camera_file(run: Run, room_folder: Path) -> None:
+    images = [room_folder / "images" / name for name in ("000012.png", "000013.png")]
+    outcome = run("relpose", *images, "--camera", room_folder / "camera.toml")
+    assert outcome.code == 0 and "success     yes" in outcome.out and "truth" not in outcome.out
+
+
+def test_relpose_of_a_black_image_is_no_error_but_no_success(run: Run, copied: Path) -> None:
+    """Zero matches."""
+    cv2.imwrite("black.png", np.zeros((128, 512), np.uint8))
+    outcome = run("relpose", "black.png", copied / "images/000001.png", "--camera",
+                  copied / "camera.toml", "--figure", "pair.png")  # fmt: skip
+    assert outcome.code == 0
+    assert "features    0 and" in outcome.out and "matches     0, of which 0" in outcome.out
+    assert "success     no" in outcome.out and Path("pair.png").is_file()
+
+
+def test_relpose_of_one_match(run: Run, room_folder: Path) -> None:
+    dataset = load_folder(room_folder)
+    features = [FeatureExtractor(dataset.camera)(dataset.image(i)) for i in (0, 20)]
+    _, _, scores = match_indices(*features, ratio=1.0, mutual=True)
+    ratio = np.sort(scores)[:2].mean()  # between the best and the second
+    outcome = run("relpose", 0, 20, "--dataset", room_folder, "--ratio", ratio)
+    assert outcome.code == 0 and "matches     1, of which" in outcome.out
+    assert "success     no" in outcome.out
+
+
+def test_relpose_of_mismatches_only(run: Run, room_folder: Path) -> None:
+    """Two images of noise: what matches, matches by chance."""
+    rng = np.random.default_rng(3)
+    for name in ("a.png", "b.png"):
+        cv2.imwrite(name, cv2.GaussianBlur(rng.integers(0, 255, (128, 512), np.uint8), (0, 0), 2))
+    outcome = run("relpose", "a.png", "b.png", "--camera", room_folder / "camera.toml",
+                  "--ratio", "1", "--no-mutual")  # fmt: skip
+    assert outcome.code == 0 and "success     no" in outcome.out
+    assert int(outcome.out.split("matches")[1].split(",")[0]) > 50
+
+
+@pytest.mark.parametrize("name", ["24", "-1", "nothere.png"])
+def test_relpose_of_an_image_that_the_dataset_lacks(run: Run, room_folder: Path, name: str) -> None:
+    outcome = run("relpose", "--dataset", room_folder, "--", "0", name)
+    refused(outcome, f"{name}: no such image in room")
+
+
+# --- lut, dataset, info ------------------------------------------------------------------------
+
+
+def test_lut_build_and_info(run: Run) -> None:
+    wanted = ("--bins", 16, "--samples", 200_000, "--seed", 3, "--noise", "0.02")
+    outcome = run("lut", "build", "a.npz", *wanted, "--threads", 1)
+    assert outcome.code == 0 and "16 bins from 200,000 correspondences" in outcome.out
+    assert run("lut", "build", "b.npz", *wanted, "--threads", 2).code == 0
+    tables = [LikelihoodTable.load(name).log_ratio for name in ("a.npz", "b.npz")]
+    np.testing.assert_array_equal(*tables)
+    outcome = run("lut", "info", "a.npz")
+    assert outcome.code == 0 and "16 of r, 16 of theta" in outcome.out
+    for name, value in (("noise", "0.02"), ("seed", "3"), ("source", "simulation")):
+        assert [name, value] in [line.split() for line in outcome.out.splitlines()]
+
+
+def test_lut_from_a_dataset(run: Run, room_folder: Path) -> None:
+    outcome = run("lut", "build", "room.npz", "--from-dataset", room_folder, "--bins", 16,
+                  "--max-distance", "0.5")  # fmt: skip
+    assert outcome.code == 0
+    outcome = run("lut", "info", "room.npz")
+    assert "room, pairs within 0.5 m" in outcome.out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("build", "table.txt"), ("table.txt", ".npz")),
+        (("build", "nothere/table.npz"), ("its folder does not exist",)),
+        (("build", "t.npz", "--mismatch", "2"), ("mismatch", "[0, 1]")),
+        (("build", "t.npz", "--bins", "1000"), ("bins: expected 4 to 512",)),
+        (("info", "nothere.npz"), ("nothere.npz: No such file",)),
+    ],
+)
+def test_lut_refuses(run: Run, arguments: tuple[str, ...], words: tuple[str, ...]) -> None:
+    refused(run("lut", *arguments), *words)
+
+
+def test_dataset_info(run: Run, room_folder: Path, copied: Path) -> None:
+    outcome = run("dataset", "info", room_folder, "--check")
+    assert outcome.code == 0
+    for text in ("equirectangular, 512 x 128", "24, all decode", "references  12",
+                 "poses of 24 images", "poses of 12 images", "4 walls"):  # fmt: skip
+        assert text in outcome.out
+    (copied / "images/000007.png").write_bytes(b"no image")
+    assert run("dataset", "info", copied).code == 0
+    refused(run("dataset", "info", copied, "--check"), "000007.png", "does not decode")
+
+
+def test_dataset_render_is_told_before_it_starts(run: Run, copied: Path) -> None:
+    refused(run("dataset", "render", copied), "exists already and is not an empty folder")
+
+
+def test_info(run: Run, room_home_cache: Path) -> None:
+    outcome = run("info")
+    assert outcome.code == 0
+    for text in (__version__, np.__version__, str(room_home_cache), "simulated-home", "OpenCV"):
+        assert text in outcome.out
+
+
+# --- wrong input -------------------------------------------------------------------------------
+
+
+def spoil_undecodable(folder: Path) -> None:
+    (folder / "images/000013.png").write_bytes(b"this is no image")
+
+
+def spoil_empty(folder: Path) -> None:
+    (folder / "images/000003.png").write_bytes(b"")
+
+
+def spoil_size(folder: Path) -> None:
+    cv2.imwrite(str(folder / "images/000013.png"), np.zeros((64, 64), np.uint8))
+
+
+def spoil_missing_image(folder: Path) -> None:
+    (folder / "images/000013.png").unlink()
+
+
+def edit_poses(edit: Callable[[list[str]], list[str]]) -> Callable[[Path], None]:
+    def spoil(folder: Path) -> None:
+        path = folder / "groundtruth.tum"
+        path.write_text("\n".join(edit(path.read_text().splitlines())) + "\n")
+
+    return spoil
+
+
+def edit_camera(text: str) -> Callable[[Path], None]:
+    def spoil(folder: Path) -> None:
+        path = folder / "camera.toml"
+        path.write_text(text + path.read_text())
+
+    return spoil
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (spoil_undecodable, ("000013.png", "does not decode")),
+        (spoil_empty, ("000003.png", "does not decode")),
+        (spoil_size, ("000013.png", "64 x 64", "expected the camera's 512 x 128")),
+        (spoil_missing_image, ("images.txt:15", "000013.png", "missing")),
+        (
+            edit_poses(lambda lines: [*lines[:5], "4 nan 0 0 0 0 0 1", *lines[6:]]),
+            ("groundtruth.tum:6", "not finite"),
+        ),
+        (
+            edit_poses(lambda lines: [lines[0], lines[7], *lines[1:]]),
+            ("groundtruth.tum:3", "is not after the one before it"),
+        ),
+        (
+            edit_poses(lambda lines: [line.partition(" ")[2] for line in lines[1:]]),
+            ("groundtruth.tum:1", "7 columns", "is the timestamp missing"),
+        ),
+        (edit_poses(lambda lines: lines[:1]), ("groundtruth.tum", "no rows")),
+        (edit_camera("focal_length = 3\n"), ("camera.toml", "focal_length", "allowed")),
+        (edit_camera("= ="), ("camera.toml", "not a TOML file")),
+        (lambda folder: (folder / "camera.toml").unlink(), ("not recognized", "camera.toml")),
+        (lambda folder: (folder / "references.txt").write_text("x.png\n"), ("x.png", "no image")),
+        (lambda folder: (folder / "references.txt").write_text(""), ("no reference images",)),
+    ],
+)
+def test_spoilt_datasets_are_refused_in_one_line(
+    run: Run, copied: Path, spoil: Callable[[Path], object], words: tuple[str, ...]
+) -> None:
+    spoil(copied)
+    refused(run("replay", copied, *FAST, "--max-images", "2", "--output", "out"), *words)
+
+
+def test_opencv_adds_nothing_of_its_own(copied: Path) -> None:
+    """It logs several lines about a file that begins as a PNG does and goes on otherwise."""
+    (copied / "images/000000.png").write_bytes(b"\x89PNG\r\n\x1a\n and then nothing")
+    done = subprocess.run(
+        [*COMMAND, "replay", str(copied), *FAST], capture_output=True, text=True, check=False
+    )
+    refused(Outcome(done.returncode, done.stdout, done.stderr), "000000.png", "does not decode")
+
+
+def test_an_all_black_image_is_no_error(run: Run, copied: Path) -> None:
+    cv2.imwrite(str(copied / "images/000013.png"), np.zeros((128, 512), np.uint8))
+    cv2.imwrite(str(copied / "images/000003.png"), np.zeros((128, 512), np.uint8))
+    outcome = run("replay", copied, *FAST, "--max-images", 3, "--output", "out")
+    assert outcome.code == 0 and outcome.err == ""
+    rows = list(csv.DictReader(Path("out/steps.csv").read_text().splitlines()))
+    assert rows[1]["matches"] == "0" and rows[1]["degenerate"] == "0"
+
+
+@pytest.fixture
+def spoilt_tables(small_table: LikelihoodTable, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    small_table.save("good.npz")
+    data = Path("good.npz").read_bytes()
+    Path("truncated.npz").write_bytes(data[: len(data) // 2])
+    Path("empty.npz").write_bytes(b"")
+    cells = small_table.log_ratio.copy()
+    cells[3, 2, 1] = np.nan
+    storage.write_table("nan.npz", cells, small_table.learned_from)
+    np.savez("other.npz", poses=np.zeros(3))
+    with monkeypatch.context() as later:
+        later.setattr(storage, "VERSION", storage.VERSION + 1)
+        small_table.save("later.npz")
+    yield
+
+
+@pytest.mark.usefixtures("spoilt_tables")
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("truncated", ()),
+        ("empty", ()),
+        ("nan", ("not finite",)),
+        ("later", (f"version {storage.VERSION + 1}", f"expected {storage.VERSION}")),
+        ("other", ("not a pflut likelihood table",)),
+        ("nothere", ("No such file",)),
+    ],
+)
+def test_spoilt_tables_are_refused_in_one_line(
+    run: Run, room_folder: Path, name: str, words: tuple[str, ...]
+) -> None:
+    file = f"{name}.npz"
+    refused(run("lut", "info", file), file, *words)
+    refused(run("replay", room_folder, "--table", file, "--output", "out"), file, *words)
+    refused(run("relpose", 0, 1, "--dataset", room_folder, "--table", file), file, *words)
+    assert not Path("out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("replay", "nothere"), ("nothere: no such dataset",)),
+        (("replay", "{room}", "--references", "every:0"), ("every:N",)),
+        (("replay", "{room}", "--references", "nothere.txt"), ("nothere.txt is no file",)),
+        (("replay", "{room}", "--references", "every:1"), ("none is left to localize",)),
+        (("relpose", "a.png", "b.png", "--camera", "nothere.toml"), ("nothere.toml",)),
+        (("relpose", "nothere.png", "b.png", "--camera", "{room}/camera.toml"), ("nothere.png",)),
+        (("relpose", "0", "1", "--dataset", "{room}", "--ratio", "2"), ("ratio",)),
+        (("relpose", "0", "1", "--dataset", "{room}", "--noise", "-1"), ("noise",)),
+        (("relpose", "0", "1", "--dataset", "{room}", "--figure", "a.xyz"), ("a.xyz",)),
+        (("dataset", "info", "nothere"), ("nothere",)),
+    ],
+)
+def test_wrong_input_is_refused_in_one_line(
+    run: Run, room_folder: Path, arguments: tuple[str, ...], words: tuple[str, ...]
+) -> None:
+    refused(run(*(word.format(room=room_folder) for word in arguments)), *words)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        (),
+        ("fly",),
+        ("replay", "--particles", "0"),
+        ("replay", "--particles", "many"),
+        ("replay", "--temperature", "2"),
+        ("replay", "--start", "here"),
+        ("replay", "--start", "1,2"),
+        ("replay", "--max-images", "0"),
+        ("replay", "--detector", "surf"),
+        ("replay", "--leave-one-out", "--simulate-odometry"),
+        ("relpose", "a.png", "b.png"),
+        ("lut",),
+        ("lut", "build"),
+        ("dataset", "render", "x", "--seed", "-1"),
+    ],
+)
+def test_wrong_usage_exits_with_2(run: Run, arguments: tuple[str, ...]) -> None:
+    outcome = run(*arguments)
+    assert outcome.code == 2
+    assert outcome.err.startswith("usage: pflut") and "Traceback" not in outcome.err
+
+
+# --- help --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "verb",
+    ["replay", "simulate", "relpose", "lut build", "lut info", "dataset info", "dataset render",
+     "info"],
+)  # fmt: skip
+def test_help_has_examples_and_defaults(run: Run, verb: str) -> None:
+    outcome = run(*verb.split(), "--help")
+    assert outcome.code == 0 and outcome.out.startswith(f"usage: pflut {verb}")
+    if verb != "info":
+        assert "examples:\n" in outcome.out
+    # every option says something
+    for line in outcome.out.splitlines():
+        assert not line.rstrip().endswith("(default: )")
+
+
+def test_help_imports_nothing_heavy() -> None:
+    """`pflut --help` must be immediate."""
+    code = (
+        "import sys\n"
+        "from pflut.cli import main\n"
+        "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
+        "heavy = {'numpy', 'numba', 'cv2', 'matplotlib', 'tqdm', 'scipy'} & set(sys.modules)\n"
+        "sys.exit(f'imported {heavy}' if heavy else 0)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_version(run: Run) -> None:
+    assert run("--version").out == f"pflut {__version__}\n"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes of Unix")
+def test_a_closed_pipe_is_no_error() -> None:
+    with subprocess.Popen([*COMMAND, "info"], stdout=-1, stderr=-1) as process:
+        assert process.stdout is not None and process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == b"" and process.wait() == 0

@@ -1,0 +1,86 @@
+"""Pairs of a dataset's images with matches and true poses."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from pflut.correspondences import Correspondences
+from pflut.datasets import Dataset
+from pflut.features import FeatureCache, FeatureExtractor
+from pflut.geometry import wrap_to_pi
+from pflut.likelihood.table import LikelihoodTable
+from pflut.pairs import agreeing, dataset_pairs, near_pairs
+from pflut.relpose.estimate import estimate_relative_pose
+from pflut.simulation.correspondences import CorrespondenceSimulator
+
+
+def test_near_pairs_are_all_and_only_those(room_dataset: Dataset) -> None:
+    truth = room_dataset.ground_truth
+    assert truth is not None
+    expected = [
+        [i, j]
+        for i in range(len(truth))
+        for j in range(i + 1, len(truth))
+        if 0.0 < np.hypot(*(truth[i] - truth[j])[:2]) <= 1.4
+    ]
+    assert near_pairs(room_dataset, 1.4).tolist() == expected
+
+
+def test_images_in_one_place_or_without_a_pose_are_no_pair(room_dataset: Dataset) -> None:
+    truth = np.full((len(room_dataset), 3), np.nan)
+    truth[:3] = [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]
+    dataset = dataclasses.replace(room_dataset, ground_truth=truth, reference_indices=[])
+    assert near_pairs(dataset, 2.0).tolist() == [[0, 2], [1, 2]]
+    with pytest.raises(ValueError, match=r"no two images with true poses within 0\.5 m"):
+        near_pairs(dataset, 0.5)
+    with pytest.raises(ValueError, match="no two images"):
+        near_pairs(dataclasses.replace(dataset, ground_truth=None), 2.0)
+
+
+def test_matches_agree_with_the_true_headings(
+    room_dataset: Dataset, room_cache: FeatureCache, small_table: LikelihoodTable
+) -> None:
+    extractor = FeatureExtractor(room_dataset.camera)
+    seen: list[tuple[int, int]] = []
+    pairs = list(
+        dataset_pairs(
+            room_dataset,
+            extractor,
+            max_distance=0.6,
+            cache=room_cache,
+            progress=lambda done, total: seen.append((done, total)),
+        )
+    )
+    assert seen == [(k + 1, len(pairs)) for k in range(len(pairs))]
+    errors = []
+    for pair in pairs:
+        pose = estimate_relative_pose(pair.correspondences, small_table)
+        assert 0.0 < pair.distance <= 0.6
+        assert agreeing(pair.correspondences, pose).sum() == pose.num_inliers
+        errors.append([pose.heading_l - pair.heading_l, pose.heading_r - pair.heading_r])
+    assert np.median(np.abs(wrap_to_pi(errors))) < np.radians(2.0)
+
+
+def test_a_table_is_learned_from_pairs(room_dataset: Dataset, room_cache: FeatureCache) -> None:
+    pairs = dataset_pairs(
+        room_dataset, FeatureExtractor(room_dataset.camera), max_distance=1.4, cache=room_cache
+    )
+    table = LikelihoodTable.from_pairs(
+        ((pair.correspondences, pair.heading_l, pair.heading_r) for pair in pairs), bins=16
+    )
+    assert table.bins == 16 and table.learned_from["num_samples"] > 1000
+
+
+def test_agreeing_tells_matches_from_mismatches(small_table: LikelihoodTable) -> None:
+    """The simulator puts the mismatches first."""
+    simulator = CorrespondenceSimulator(mismatch=0.5, noise=0.002)
+    correspondences, heading_l, heading_r = simulator.pair(400, 1)
+    pose = estimate_relative_pose(correspondences, small_table)
+    assert abs(wrap_to_pi(pose.heading_l - heading_l)) < 0.02
+    assert abs(wrap_to_pi(pose.heading_r - heading_r)) < 0.02
+    good = agreeing(correspondences, pose)
+    assert good[200:].mean() > 0.95 and good[:200].mean() < 0.2
+    assert agreeing(Correspondences.empty(), pose).shape == (0,)
