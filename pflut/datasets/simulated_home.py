@@ -25,7 +25,7 @@ from pflut.simulation.people import Walkers
 from pflut.simulation.renderer import render_panorama
 
 #: Counts the changes that make other pictures; a part of the cache folder's name.
-RENDERER_VERSION = 1
+RENDERER_VERSION = 2
 
 CAMERA = EquirectangularPanorama(
     768,

@@ -1,0 +1,1 @@
+"""Simulations: correspondences, odometry, and a rendered home to drive through."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -95,8 +96,9 @@ class SceneBuilder:
 
     def to_world(self, x: float, y: float) -> tuple[float, float]:
         """Give the world position of a point of the present frame."""
-        moved = compose(self._frame, [x, y, 0.0])
-        return float(moved[0]), float(moved[1])
+        fx, fy, yaw = self._frame
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        return float(fx + cos * x - sin * y), float(fy + sin * x + cos * y)
 
     def material(
         self,
