@@ -170,7 +170,8 @@ class GridPosterior:
 
     def entropy(self) -> float:
         """Return the entropy in nats; log(B^2) where nothing is known."""
-        return float(-np.sum(self.prob * self.log_prob, where=self.prob > 0.0))
+        possible = self.prob > 0.0
+        return float(-np.sum(self.prob[possible] * self.log_prob[possible]))
 
     def _index(self, heading: float) -> int:
         return int(np.floor(heading / TWO_PI * self.bins)) % self.bins
@@ -212,7 +213,7 @@ def pose_posterior(
             f"learn another with LikelihoodTable.from_simulation(bins={bins})"
         )
     grid = temperature * likelihood.log_likelihood_grid(correspondences).astype(np.float64)
-    peak = grid.max()
+    peak = float(grid.max())
     log_sum = peak + float(np.log(np.exp(grid - peak).sum()))
     return GridPosterior(grid - log_sum, log_sum - 2.0 * float(np.log(likelihood.bins)))
 

@@ -7,7 +7,7 @@ from math import exp, lgamma, log, log1p
 import numpy as np
 
 from pflut.correspondences import Correspondences
-from pflut.geometry import FloatArray, wrap_to_pi
+from pflut.geometry import TWO_PI, FloatArray, wrap_to_pi
 from pflut.posterior import GridPosterior, Likelihood, pose_posterior
 from pflut.relpose.kernels import chance_share, refine
 from pflut.relpose.result import RelativePose
@@ -21,6 +21,10 @@ BIWEIGHT_SPREAD = 0.52
 """Mean of w e^2 over sigma^2 for normal residuals e and the biweight w cut off at 3 sigma."""
 LATTICE = 8
 MAX_FALSE_ALARMS = 0.01
+BAND = np.arange(-2, 3)
+"""Cells on both sides of the poses of one rotation that count to its band."""
+BASIN = 4
+"""Cells around the estimate along the band that its own covariance speaks for."""
 
 
 def bearing_table(correspondences: Correspondences) -> FloatArray:
@@ -94,7 +98,9 @@ def estimate_relative_pose(
     return RelativePose(
         heading_l=float(wrap_to_pi(headings[0])),
         heading_r=float(wrap_to_pi(headings[1])),
-        covariance=_covariance(information, inliers, noise),
+        covariance=_widened(
+            _covariance(information, inliers, noise), band_variance(posterior, headings)
+        ),
         log_likelihood=float(posterior.log_prob.max())
         + log_evidence
         + 2.0 * float(np.log(posterior.bins)),
@@ -149,6 +155,41 @@ def log_false_alarms(inliers: int, total: int, share: float, cutoff: float) -> f
     ]
     largest = max(terms)
     return poses + largest + log(sum(exp(term - largest) for term in terms))
+
+
+def band_variance(posterior: GridPosterior, headings: FloatArray) -> float:
+    """Return the variance of both headings along the band of poses of one rotation.
+
+    On a turn on the spot the poses of the right rotation are all alike, and yet noise makes some
+    place of that band look best and its surroundings worse, so that the M-estimator's information
+    would know the headings to a few degrees. The posterior knows of the rest of the band.
+
+    Parameters
+    ----------
+    posterior : GridPosterior
+    headings : ndarray of shape (2,)
+        The estimate, radians.
+
+    Returns
+    -------
+    float
+        Radians squared, of the mass on the band and beyond the estimate's own basin; about zero
+        where the posterior has one mode.
+    """
+    bins = posterior.bins
+    cell = TWO_PI / bins
+    columns = np.arange(bins)
+    shift = int(np.rint((headings[0] - headings[1]) / cell))
+    band = posterior.log_prob[(columns + shift + BAND[:, None]) % bins, columns]
+    weight = np.exp(band - band.max()).sum(axis=0)
+    away = wrap_to_pi(posterior.centers - headings[1])
+    away[np.abs(away) < BASIN * cell] = 0.0
+    return float(weight @ away**2 / weight.sum())
+
+
+def _widened(covariance: FloatArray, band: float) -> FloatArray:
+    """Add the variance along the band, bounded by that of uniform angles."""
+    return covariance + min(band, UNIFORM_VARIANCE - float(covariance.diagonal().max()))
 
 
 def _covariance(information: FloatArray, inliers: int, noise: float) -> FloatArray:

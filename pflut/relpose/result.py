@@ -21,8 +21,9 @@ class RelativePose:
         Direction from R to L in R's frame (phi), radians in (-pi, pi].
     covariance : ndarray of shape (2, 2)
         Of (heading_l, heading_r), radians squared: the inverse of the M-estimator's information
-        at the residuals' own spread. Never larger than that of uniform angles; on a turn on the
-        spot the headings' sum has about that, and their difference, the rotation, a small one.
+        at the residuals' own spread, and the posterior's spread over the poses of the same
+        rotation. Never larger than that of uniform angles; on a turn on the spot the headings
+        have some of that, and their difference, the rotation, a small one.
     log_likelihood : float
         Log-likelihood ratio of the highest cell against uniform azimuths.
     log_evidence : float
