@@ -94,7 +94,7 @@ class ReferenceImageModel:
         temperature: float = 0.3,
         link_probability: float = 0.5,
         max_references: int = 10,
-        max_candidates: int = 24,
+        max_candidates: int = 32,
         max_range: float | None = None,
         near_range: float = 0.3,
         min_matches: int = 4,

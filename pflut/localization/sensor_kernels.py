@@ -45,6 +45,13 @@ def link(
     np.add(np.log(value), excess, out=table[:bins, :bins])
     mean_over_diagonals(value, rotation)
     np.log(rotation, out=rotation)
+    top = excess.max()
+    if top > 0.0:
+        # beyond the bound only the diagonals near the top count
+        high = np.empty_like(rotation)
+        mean_over_diagonals(value * np.exp(excess - top), high)
+        with np.errstate(divide="ignore"):
+            np.maximum(rotation, np.log(high) + top, out=rotation)
     table[:bins, bins] = table[:bins, 0]
     table[bins] = table[0]
 

@@ -7,7 +7,8 @@ import numpy as np
 from pflut.geometry import FloatArray
 from pflut.localization.weights import Weights
 
-HALVINGS = 14
+BISECTIONS = 8
+SMALLEST = 1e-12
 MAX_LOOKED_AT = 20_000
 
 
@@ -50,8 +51,12 @@ def tempering_exponent(weights: Weights, log_likelihood: FloatArray, min_share: 
 
     if min_share <= 0.0 or enough(1.0):
         return 1.0
-    low, high = 0.0, 1.0
-    for _ in range(HALVINGS):
+    # down in powers of four till enough are left, then bisect the last step
+    high = 1.0
+    while high > SMALLEST and not enough(0.25 * high):
+        high *= 0.25
+    low = 0.25 * high
+    for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if enough(middle) else (low, middle)
-    return max(low, 0.5**HALVINGS)
+    return low

@@ -115,7 +115,7 @@ class ReplayOptions:
         10, "references with the most matches that count", "sensor model", "[1, inf)"
     )
     max_candidates: int = _option(
-        24, "references that are matched with an image", "sensor model", "[1, inf)"
+        32, "references that are matched with an image", "sensor model", "[1, inf)"
     )
     max_range: float | None = _option(
         None,
