@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import zipfile
-import zlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pflut._files import replacing
+from pflut._files import read_arrays, replacing
 from pflut.features import Features
 from pflut.geometry import FloatArray, as_poses
 from pflut.retrieval import Vocabulary
@@ -263,6 +261,8 @@ class ReferenceMap:
         ndarray of int
             Indices of references, the most promising first; empty if all are out of range.
         """
+        if not len(poses):
+            return np.empty(0, np.intp)
         seen = poses[:: max(1, -(-len(poses) // max_poses)), :2]
         offsets = seen[:, None, :] - self.poses[None, :, :2]
         distance = np.hypot(offsets[..., 0], offsets[..., 1])
@@ -316,19 +316,21 @@ class ReferenceMap:
         FileNotFoundError
             If there is no such file.
         """
+        stored = read_arrays(path, FORMAT)
+        if str(stored.get("format")) != FORMAT:
+            raise ValueError(f"{path}: not a {FORMAT}")
+        if str(stored.get("version")) != str(VERSION):
+            raise ValueError(f"{path}: map version {stored.get('version')}, expected {VERSION}")
+        missing = {"poses", "names", "counts", *FEATURE_FIELDS} - stored.keys()
+        if missing:
+            raise ValueError(f"{path}: damaged {FORMAT}, without {', '.join(sorted(missing))}")
         try:
-            with np.load(path, allow_pickle=False) as file:
-                if "format" not in file or str(file["format"]) != FORMAT:
-                    raise ValueError("not a reference map of pflut")
-                if int(file["version"]) != VERSION:
-                    raise ValueError(f"map version {int(file['version'])}, expected {VERSION}")
-                ends = np.cumsum(file["counts"])[:-1]
-                columns = [np.split(file[field], ends) for field in FEATURE_FIELDS]
-                features = tuple(Features(*row) for row in zip(*columns, strict=True))
-                return cls(file["poses"], features, tuple(file["names"].tolist()))
-        except FileNotFoundError:
-            raise
-        except (zipfile.BadZipFile, zlib.error, EOFError, KeyError, TypeError) as error:
-            raise ValueError(f"{path}: truncated or damaged reference map ({error})") from error
-        except ValueError as error:
+            counts = stored["counts"]
+            lengths = {len(stored[field]) for field in FEATURE_FIELDS}
+            if counts.dtype.kind != "i" or counts.min() < 0 or lengths != {int(counts.sum())}:
+                raise ValueError("the numbers of features do not fit")
+            columns = [np.split(stored[field], np.cumsum(counts)[:-1]) for field in FEATURE_FIELDS]
+            features = tuple(Features(*row) for row in zip(*columns, strict=True))
+            return cls(stored["poses"], features, tuple(stored["names"].tolist()))
+        except (ValueError, TypeError) as error:
             raise ValueError(f"{path}: {error}") from error

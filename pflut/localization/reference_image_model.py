@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 RANGE_PER_SPACING = 6.0
 SINGLE_RANGE = 5.0
+RANGE_PER_NEAR = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +69,8 @@ class ReferenceImageModel:
         robot in a large map), the most similar of them.
     max_range : float, optional
         Metres. A reference says nothing about poses farther away; from 3/4 of it on it fades.
-        Default: six times the spacing of the references, and 5 m where there is but one.
+        Default: six times the spacing of the references, but at least four times ``near_range``;
+        5 m where there is but one.
     near_range : float
         Metres. Nearer to a reference than this the direction to it fades out of the likelihood:
         where the robot stands on the reference only the rotation is defined.
@@ -104,6 +106,8 @@ class ReferenceImageModel:
         if max_range is None:
             spacing = reference_map.spacing
             max_range = RANGE_PER_SPACING * spacing if np.isfinite(spacing) else SINGLE_RANGE
+            # references that all but share a place leave room for the robot beside them
+            max_range = max(max_range, RANGE_PER_NEAR * near_range)
         check_temperature(temperature)
         if not 0.0 < link_probability < 1.0:
             raise ValueError(f"link_probability: expected in (0, 1), got {link_probability}")
