@@ -131,6 +131,7 @@ def step_row(number: int, step: ReplayStep) -> dict[str, float | int | None]:
         "position_std_m": estimate.position_std,
         "heading_std_deg": float(np.degrees(estimate.heading_std)),
         "ess": estimate.effective_sample_size,
+        "likelihood_exponent": estimate.likelihood_exponent,
         "resampled": int(estimate.resampled),
         "degenerate": int(estimate.degenerate),
         "references": step.num_references,
