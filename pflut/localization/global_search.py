@@ -44,8 +44,13 @@ def pose_lattice(
         raise ValueError(
             f"expected a positive spacing and at least one heading, got {spacing}, {num_headings}"
         )
-    x = np.arange(low_x, high_x + spacing, spacing)
-    y = np.arange(low_y, high_y + spacing, spacing)
+
+    def axis_to(low: float, high: float) -> FloatArray:
+        # the step that just reaches the end, not one more for a rounding
+        steps = int(np.ceil((high - low) / spacing - 1e-9))
+        return low + spacing * np.arange(steps + 1)
+
+    x, y = axis_to(low_x, high_x), axis_to(low_y, high_y)
     heading = wrap_to_pi(np.arange(num_headings) * (TWO_PI / num_headings))
     grid = np.meshgrid(x, y, heading, indexing="ij")
     return np.stack([axis.ravel() for axis in grid], axis=1)
