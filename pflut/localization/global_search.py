@@ -48,7 +48,7 @@ def pose_lattice(
     def axis_to(low: float, high: float) -> FloatArray:
         # the step that just reaches the end, not one more for a rounding
         steps = int(np.ceil((high - low) / spacing - 1e-9))
-        return low + spacing * np.arange(steps + 1)
+        return low + spacing * np.arange(steps + 1, dtype=np.float64)
 
     x, y = axis_to(low_x, high_x), axis_to(low_y, high_y)
     heading = wrap_to_pi(np.arange(num_headings) * (TWO_PI / num_headings))
