@@ -8,10 +8,8 @@ like), ``steps.csv`` (a row an image), ``metrics.json`` (the same seed gives the
 from __future__ import annotations
 
 import csv
-import json
 import os
 import re
-from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -19,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from pflut._files import write_text
+from pflut._files import write_json
 from pflut.environment import machine, versions
 from pflut.evaluation import trajectory_errors
 from pflut.geometry import FloatArray
@@ -178,28 +176,6 @@ def run_record(command: list[str], **about: Any) -> dict[str, Any]:
         "versions": versions(),
         "machine": machine(),
     }
-
-
-def write_json(path: str | os.PathLike[str], content: Mapping[str, Any]) -> None:
-    """Write a JSON file, atomically; numbers with all their digits."""
-    write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
-
-
-def read_json(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Read a JSON file that `write_json` wrote.
-
-    Raises
-    ------
-    ValueError
-        Naming the file, if it is none.
-    """
-    try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: not a JSON file: {error}") from None
-    if not isinstance(content, dict):
-        raise ValueError(f"{path}: expected a JSON object, got {type(content).__name__}")
-    return content
 
 
 def _write_known(path: Path, stamps: FloatArray, poses: FloatArray) -> None:

@@ -34,8 +34,6 @@ ORDER = [
     "environment",
     "replay",
     "results",
-    "replay.seeds",
-    "replay.figures",
     "cli",
 ]
 RANK = {name: rank for rank, line in enumerate(ORDER) for name in line.split()}

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from pflut import __version__
+from pflut._files import read_json, write_json
 from pflut.datasets import Dataset
 from pflut.features import FeatureCache
 from pflut.likelihood.table import LikelihoodTable
@@ -18,9 +19,7 @@ from pflut.replay import ReplayOptions, ReplayResult, replay_dataset
 from pflut.results import (
     StepsWriter,
     create_results_folder,
-    read_json,
     run_record,
-    write_json,
     write_results,
 )
 from pflut.trajectory import read_tum

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pflut._files import write_json
 from pflut.replay import ReplayOptions, SeedRun, replay_seed, replay_seeds
 from pflut.replay.seeds import summarize_seeds
-from pflut.results import write_json
 
 RUN = SeedRun(0, 0, 20, 3, 0.02, 0.3, 0.1, 2.0, 0.99, 0)
 OPTIONS = ReplayOptions(num_particles=1000, bins=32)

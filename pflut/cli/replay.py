@@ -93,6 +93,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Replay, write the results and print a table."""
     options = replay_options(arguments)
 
+    from pflut._files import write_json
     from pflut.cli.loading import load
     from pflut.cli.progress import Bars
     from pflut.cli.report import replay_report
@@ -104,7 +105,6 @@ def run(arguments: argparse.Namespace) -> None:
         StepsWriter,
         create_results_folder,
         run_record,
-        write_json,
         write_results,
     )
 

@@ -109,12 +109,13 @@ def run(arguments: argparse.Namespace) -> None:
     """Replay, sum up and print."""
     options = replay_options(arguments)
 
+    from pflut._files import write_json
     from pflut.cli.loading import load_table
     from pflut.cli.progress import Bars
     from pflut.likelihood.learning import available_cores
     from pflut.replay.pipeline import PANORAMA_BINS
     from pflut.replay.seeds import replay_seeds, summarize_seeds
-    from pflut.results import create_results_folder, run_record, write_json
+    from pflut.results import create_results_folder, run_record
 
     begun = arguments.output is not None and (arguments.output / "settings.json").is_file()
     folder = create_results_folder(arguments.output, "simulate", overwrite=begun)

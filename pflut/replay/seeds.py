@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from pflut._files import read_json, write_json
 from pflut.evaluation import bootstrap_median, success_rate, summarize
 from pflut.replay.options import ReplayOptions
-from pflut.results import read_json, write_json
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
