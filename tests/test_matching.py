@@ -78,9 +78,7 @@ def test_lengths_of_descriptors_count() -> None:
         )
         for f in (reference, query)
     ]
-    expected = naive.ratio_matches(
-        stretched[0].descriptors, stretched[1].descriptors, 1.0, True
-    )
+    expected = naive.ratio_matches(stretched[0].descriptors, stretched[1].descriptors, 1.0, True)
     i, j, _ = match_indices(*stretched, ratio=1.0, mutual=True)
     assert j.tolist() == sorted(expected)
     assert i.tolist() == [expected[k][0] for k in j]
