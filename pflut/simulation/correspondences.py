@@ -161,15 +161,17 @@ class CorrespondenceSimulator:
         headings = np.empty((num_pairs, 2))
         bearings = np.empty((num_pairs, num_correspondences, 4))
         state = np.random.default_rng(rng).integers(0, 2**64, size=1, dtype=np.uint64)
-        _simulate(
-            state,
-            float(self.mismatch),
-            float(self.noise),
-            float(self.max_tilt),
-            float(self.radius),
-            headings,
-            bearings,
-        )
+        # the counter wraps around on purpose; without the compiler NumPy would warn of it
+        with np.errstate(over="ignore"):
+            _simulate(
+                state,
+                float(self.mismatch),
+                float(self.noise),
+                float(self.max_tilt),
+                float(self.radius),
+                headings,
+                bearings,
+            )
         return headings, bearings
 
     def sample(

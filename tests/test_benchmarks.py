@@ -1,0 +1,122 @@
+"""Speed: times with ``--benchmark-enable``, and ratios within one run that must hold anywhere.
+
+A ratio is of the best times of two functions called in turn. It is tried again while it is too
+large: a busy machine slows one of them now and then, a real regression slows it every time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import perf_counter
+
+import numba
+import numpy as np
+import pytest
+from world import REFERENCES, World
+
+from pflut.correspondences import Correspondences
+from pflut.likelihood.learning import BLOCK, count_simulated
+from pflut.likelihood.table import LikelihoodTable
+from pflut.localization.reference_image_model import ReferenceImageModel
+from pflut.posterior import pose_posterior
+from pflut.relpose.estimate import estimate_relative_pose
+from pflut.simulation.correspondences import CorrespondenceSimulator
+
+pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="the compiler is off")
+
+
+def ratio_of_best(
+    ours: Callable[[], object], bound: Callable[[], object], limit: float, *, tries: int = 12
+) -> float:
+    """The ratio of the best times, measured until it is within the limit or the tries are over."""
+    best = np.full(2, np.inf)
+    for _ in range(tries):
+        for _ in range(40):
+            for i, function in enumerate((ours, bound)):
+                start = perf_counter()
+                function()
+                best[i] = min(best[i], perf_counter() - start)
+        if best[0] <= limit * best[1]:
+            break
+    return float(best[0] / best[1])
+
+
+@pytest.fixture(scope="module")
+def pair() -> Correspondences:
+    return CorrespondenceSimulator(mismatch=0.8).pair(25, 0)[0]
+
+
+def test_posterior_grid_costs_about_the_additions(
+    default_table: LikelihoodTable, pair: Correspondences
+) -> None:
+    """Shifting, wrapping and choosing the slices may cost half of adding contiguous arrays."""
+    arrays = [default_table.log_ratio[i].copy() for i in np.linspace(0, 127, 25).astype(int)]
+
+    def additions() -> np.ndarray:
+        total = np.zeros((128, 128), np.float32)
+        for array in arrays:
+            total += array
+        return total
+
+    ratio = ratio_of_best(lambda: default_table.log_likelihood_grid(pair), additions, 1.5)
+    assert ratio <= 1.5
+
+
+def test_a_look_up_costs_less_than_three_arctangents(default_table: LikelihoodTable) -> None:
+    """A particle in a reference's table: its direction, two cell numbers, four cells."""
+    world = World()
+    model = ReferenceImageModel(world.map(REFERENCES), default_table, max_range=20.0)
+    rng = np.random.default_rng(0)
+    poses = rng.uniform([-2, -2, -3], [2, 2, 3], (10_000, 3))
+    matches = model.match(poses, world.look(np.zeros(3), 0))[:5]
+    few = poses[:1]
+    y, x = np.ascontiguousarray(poses[:, 1]), np.ascontiguousarray(poses[:, 0])
+
+    def with_tables() -> None:
+        model.log_likelihood_of_matches(poses, matches)
+        for _ in range(15):
+            np.arctan2(y, x)
+
+    def tables_and_arctangents() -> None:
+        model.log_likelihood_of_matches(few, matches)
+        for _ in range(30):
+            np.arctan2(y, x)
+
+    assert len(matches) == 5
+    assert ratio_of_best(with_tables, tables_and_arctangents, 1.0) <= 1.0
+
+
+# --- times ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", [25, 100])
+def test_time_of_the_posterior_grid(benchmark, default_table: LikelihoodTable, n: int) -> None:
+    c = CorrespondenceSimulator(mismatch=0.8).pair(n, 0)[0]
+    benchmark(default_table.log_likelihood_grid, c)
+
+
+def test_time_of_the_posterior(
+    benchmark, default_table: LikelihoodTable, pair: Correspondences
+) -> None:
+    benchmark(pose_posterior, pair, default_table)
+
+
+def test_time_of_the_estimate(
+    benchmark, default_table: LikelihoodTable, pair: Correspondences
+) -> None:
+    benchmark(estimate_relative_pose, pair, default_table)
+
+
+def test_time_of_learning(benchmark) -> None:
+    """Correspondences a second on one core: the extra column of the report."""
+    simulator = CorrespondenceSimulator(mismatch=0.0)
+    benchmark.extra_info["correspondences"] = BLOCK
+    benchmark(count_simulated, simulator, 128, BLOCK, num_threads=1)
+
+
+def test_time_of_weighting_particles(benchmark, default_table: LikelihoodTable) -> None:
+    world = World()
+    model = ReferenceImageModel(world.map(REFERENCES), default_table, max_range=20.0)
+    poses = np.random.default_rng(0).uniform([-2, -2, -3], [2, 2, 3], (10_000, 3))
+    matches = model.match(poses, world.look(np.zeros(3), 0))
+    benchmark(model.log_likelihood_of_matches, poses, matches)
