@@ -159,7 +159,7 @@ class ReferenceMap:
         return ReferenceMap(poses, (*self.features, features), (*self.names, name))
 
     def subset(self, indices: ArrayLike) -> ReferenceMap:
-        """Return a map of some of the references.
+        """Return a map of some of the references, with the visual words of the whole.
 
         Parameters
         ----------
@@ -170,11 +170,14 @@ class ReferenceMap:
         ReferenceMap
         """
         chosen = np.asarray(indices, dtype=np.intp)
-        return ReferenceMap(
+        some = ReferenceMap(
             self.poses[chosen],
             tuple(self.features[i] for i in chosen),
             tuple(self.names[i] for i in chosen),
         )
+        # the words of the whole map serve its parts: leave-one-out need not learn them each time
+        vars(some)["vocabulary"] = self.vocabulary
+        return some
 
     def bounds(self, margin: float = 1.0) -> tuple[float, float, float, float]:
         """Return the rectangle around the references.
