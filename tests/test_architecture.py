@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -65,7 +65,20 @@ def unit(module: str) -> str:
     return max(names, key=len, default=module)
 
 
-PATHS = pytest.mark.parametrize("path", MODULES, ids=lambda path: dotted(path) or "pflut")
+def every_module(check: Callable[[Path], None]) -> Callable[[], None]:
+    """Make one test of a check of one module; it tells of all modules that fail."""
+
+    def test() -> None:
+        failures = []
+        for path in MODULES:
+            try:
+                check(path)
+            except AssertionError as error:
+                failures.append(f"{dotted(path) or 'pflut'}: {error}")
+        assert not failures, "\n".join(failures)
+
+    test.__doc__ = check.__doc__
+    return test
 
 
 def test_every_module_has_its_place() -> None:
@@ -73,7 +86,7 @@ def test_every_module_has_its_place() -> None:
     assert units == set(RANK)
 
 
-@PATHS
+@every_module
 def test_imports_point_down(path: Path) -> None:
     here = unit(dotted(path))
     upward = []
@@ -92,7 +105,7 @@ def test_imports_point_down(path: Path) -> None:
     assert not upward
 
 
-@PATHS
+@every_module
 def test_pflut_itself_is_imported_for_its_version_or_place_only(path: Path) -> None:
     used = {
         node.attr
@@ -112,7 +125,7 @@ def is_kernel(node: ast.AST) -> bool:
     )
 
 
-@PATHS
+@every_module
 def test_kernels_call_kernels_of_their_own_file(path: Path) -> None:
     """Numba's cache does not notice a change in a callee of another file (numba#1833)."""
     tree = TREES[path]
@@ -130,7 +143,7 @@ def test_kernels_call_kernels_of_their_own_file(path: Path) -> None:
                 assert node.value.id in {"np", "math"} or node.value.id not in foreign
 
 
-@PATHS
+@every_module
 def test_numba_is_used_through_the_one_decorator(path: Path) -> None:
     if dotted(path) == "_jit":
         return
@@ -138,7 +151,7 @@ def test_numba_is_used_through_the_one_decorator(path: Path) -> None:
     assert "numba" not in heads or dotted(path).startswith(("cli", "environment"))
 
 
-@PATHS
+@every_module
 def test_kernels_hold_no_hidden_state(path: Path) -> None:
     """No random numbers of NumPy's global state, no allocation of their results."""
     for kernel in filter(is_kernel, ast.walk(TREES[path])):
@@ -146,7 +159,7 @@ def test_kernels_hold_no_hidden_state(path: Path) -> None:
         assert "np.random" not in text, kernel.name
 
 
-@PATHS
+@every_module
 def test_the_library_is_silent(path: Path) -> None:
     if dotted(path).split(".")[0] == "cli":
         return
@@ -158,7 +171,7 @@ def test_the_library_is_silent(path: Path) -> None:
     assert "sys.exit" not in ast.unparse(TREES[path])
 
 
-@PATHS
+@every_module
 def test_no_pickle_is_ever_loaded(path: Path) -> None:
     for module, _, line in imports(TREES[path]):
         forbidden = {"pickle", "cPickle", "dill", "joblib", "marshal", "shelve", "cloudpickle"}
@@ -171,7 +184,7 @@ def test_no_pickle_is_ever_loaded(path: Path) -> None:
             assert node.func.id not in {"eval", "exec"}, node.lineno
 
 
-@PATHS
+@every_module
 def test_no_global_random_state(path: Path) -> None:
     allowed = {"default_rng", "Generator", "SeedSequence", "PCG64"}
     for node in ast.walk(TREES[path]):
@@ -192,7 +205,7 @@ def public_functions(
                 yield prefix + node.name, node, bool(prefix)
 
 
-@PATHS
+@every_module
 def test_public_functions_are_documented_and_annotated(path: Path) -> None:
     assert ast.get_docstring(TREES[path]) or not TREES[path].body
     for name, node, is_method in public_functions(TREES[path].body):
@@ -206,14 +219,14 @@ def test_public_functions_are_documented_and_annotated(path: Path) -> None:
             assert argument.annotation is not None, f"{name}: {argument.arg}"
 
 
-@PATHS
+@every_module
 def test_public_classes_are_documented(path: Path) -> None:
     for node in TREES[path].body:
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
             assert ast.get_docstring(node), node.name
 
 
-@PATHS
+@every_module
 def test_identifiers_are_ascii(path: Path) -> None:
     for node in ast.walk(TREES[path]):
         for name in (getattr(node, "id", ""), getattr(node, "arg", ""), getattr(node, "name", "")):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from naive_home import cheapest_way, enters_box, first_surface
+from naive import cheapest_way, enters_box, first_surface
 
 from pflut.camera.equirectangular import EquirectangularPanorama
 from pflut.camera.mount import Mount
