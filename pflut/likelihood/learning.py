@@ -78,7 +78,6 @@ def count_simulated(
     idle = [np.zeros((bins, bins, bins), np.uint32) for _ in range(threads)]
     batch = 8
     done = started = 0
-    work(0, 0, idle[0])
     with ThreadPoolExecutor(threads) as pool:
         running = {}
         try:
