@@ -348,6 +348,7 @@ def test_slices_never_met_say_nothing() -> None:
         ("from_simulation", {"bins": 3}, "bins: expected 4 to 512"),
         ("from_simulation", {"bins": 513}, "bins: expected 4 to 512"),
         ("from_simulation", {"num_samples": 0}, "num_samples: expected at least 1"),
+        ("from_simulation", {"num_threads": 0}, "num_threads: expected at least 1"),
         ("from_simulation", {"mismatches": "none"}, "mismatches: expected 'uniform' or"),
         (
             "from_simulation",

@@ -20,7 +20,7 @@ from pflut.relpose.estimate import (
     estimate_relative_pose,
     log_false_alarms,
 )
-from pflut.relpose.kernels import _residual, chance_share, refine, refine_pose
+from pflut.relpose.kernels import _residual, _solve, chance_share, refine, refine_pose
 from pflut.simulation.correspondences import CorrespondenceSimulator
 
 
@@ -189,6 +189,15 @@ def several_references(
 
 
 REFERENCES = np.array([[-1.0, -1.0, 0.3], [1.5, -0.5, 2.0], [0.2, 1.6, -2.5]])
+
+
+def test_solve_against_numpy() -> None:
+    rng = np.random.default_rng(4)
+    for _ in range(50):
+        root = rng.standard_normal((3, 5))
+        matrix, vector, found = root @ root.T, rng.standard_normal(3), np.empty(3)
+        _solve(matrix, vector, found)
+        assert matrix @ found == pytest.approx(vector, abs=1e-9)
 
 
 def test_refine_pose_finds_the_pose() -> None:

@@ -30,7 +30,7 @@ def _ratio(slope_l, slope_r):  # type: ignore[no-untyped-def]
     """Give r with |r| <= 1 and whether the views were exchanged for that (equations 2 and 10)."""
     if abs(slope_r) <= abs(slope_l):
         if slope_l == 0.0:
-            return 0.0, 0  # both on the horizon: r could be anything, and 0 tells the least
+            return 0.0, 0  # both exactly on the horizon, which measured points never are
         return slope_r / slope_l, 0
     return slope_l / slope_r, 1
 

@@ -61,6 +61,8 @@ def count_simulated(
     ndarray of shape (bins, bins, bins)
         Counts over (r, u, v).
     """
+    if num_threads is not None and num_threads < 1:
+        raise ValueError(f"num_threads: expected at least 1, got {num_threads}")
     num_blocks = -(-int(num_samples) // BLOCK)
     threads = max(1, min(num_threads or available_cores(), num_blocks))
     unit = np.ones(PAIRS_PER_BLOCK, np.uint32)

@@ -90,6 +90,20 @@ def refine(bearings, scales, steps_per_scale, headings, information):  # type: i
 
 
 @jit
+def _solve(matrix, vector, out):  # type: ignore[no-untyped-def]
+    """Solve a symmetric positive definite 3 x 3 system by its adjugate (Cramer's rule)."""
+    a, b, c = matrix[0, 0], matrix[0, 1], matrix[0, 2]
+    d, e, f = matrix[1, 1], matrix[1, 2], matrix[2, 2]
+    first, second, third = d * f - e * e, c * e - b * f, b * e - c * d
+    determinant = a * first + b * second + c * third
+    out[0] = (first * vector[0] + second * vector[1] + third * vector[2]) / determinant
+    out[1] = second * vector[0] + (a * f - c * c) * vector[1] + (b * c - a * e) * vector[2]
+    out[1] /= determinant
+    out[2] = third * vector[0] + (b * c - a * e) * vector[1] + (a * d - b * b) * vector[2]
+    out[2] /= determinant
+
+
+@jit
 def refine_pose(bearings, owners, references, scales, steps_per_scale, pose, information):  # type: ignore[no-untyped-def]
     """Polish a pose with the correspondences of several references at once.
 
@@ -101,6 +115,7 @@ def refine_pose(bearings, owners, references, scales, steps_per_scale, pose, inf
     """
     row = np.empty(3)
     slope = np.empty(3)
+    step = np.empty(3)
     gradient = np.empty(3)
     inliers = 0
     for scale in scales:
@@ -138,7 +153,7 @@ def refine_pose(bearings, owners, references, scales, steps_per_scale, pose, inf
             damped = information.copy()
             for j in range(3):
                 damped[j, j] += 1e-4 * information[j, j] + 1e-9
-            step = np.linalg.solve(damped, gradient)
+            _solve(damped, gradient, step)
             length = np.sqrt(step[0] * step[0] + step[1] * step[1] + step[2] * step[2])
             step *= min(1.0, 0.2 / max(length, 1e-12))
             pose -= step
