@@ -184,7 +184,13 @@ def test_replay_leaves_results_alone_unless_told(run: Run, room_folder: Path) ->
 def test_interrupted_replay_keeps_its_steps(room_folder: Path) -> None:
     command = [*COMMAND, "replay", str(room_folder), *FAST, "--no-cache", "--output", "out"]
     steps = Path("out/steps.csv")
-    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+    with subprocess.Popen(
+        command,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        # a runner in the background may have its children ignore the signal
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    ) as process:
         deadline = time.monotonic() + 60
         while not (steps.is_file() and steps.read_text().count("\n") >= 3):
             assert process.poll() is None and time.monotonic() < deadline
