@@ -7,8 +7,34 @@ particle filter weights its poses with it. Names are imported when they are firs
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
+
+from pflut._lazy import lazy
+
+if TYPE_CHECKING:
+    from pflut.camera import load_camera as load_camera
+    from pflut.correspondences import Correspondences as Correspondences
+    from pflut.datasets import load_dataset as load_dataset
+    from pflut.datasets.base import Dataset as Dataset
+    from pflut.features import FeatureExtractor as FeatureExtractor
+    from pflut.features import Features as Features
+    from pflut.features import match as match
+    from pflut.features import match_many as match_many
+    from pflut.likelihood.table import LikelihoodTable as LikelihoodTable
+    from pflut.localization.estimate import Estimate as Estimate
+    from pflut.localization.global_search import GlobalSearch as GlobalSearch
+    from pflut.localization.localizer import Localizer as Localizer
+    from pflut.localization.motion import DifferentialDrive as DifferentialDrive
+    from pflut.localization.motion import Omnidirectional as Omnidirectional
+    from pflut.localization.particle_filter import ParticleFilter as ParticleFilter
+    from pflut.localization.reference_image_model import ReferenceImageModel as ReferenceImageModel
+    from pflut.posterior import GridPosterior as GridPosterior
+    from pflut.posterior import pose_posterior as pose_posterior
+    from pflut.reference_map import ReferenceMap as ReferenceMap
+    from pflut.relpose.estimate import estimate_relative_pose as estimate_relative_pose
+    from pflut.relpose.result import RelativePose as RelativePose
+    from pflut.simulation.correspondences import CorrespondenceSimulator as CorrespondenceSimulator
+    from pflut.trajectory import Trajectory as Trajectory
 
 __version__ = "0.1.0"
 
@@ -40,13 +66,4 @@ _NAMES = {
 
 __all__ = ["__version__", *sorted(_NAMES)]
 
-
-def __getattr__(name: str) -> Any:
-    """Import a public name when it is first used: `import pflut` stays fast."""
-    if name not in _NAMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_NAMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return __all__
+__getattr__, __dir__ = lazy(__name__, _NAMES)

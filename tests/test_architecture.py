@@ -18,7 +18,7 @@ PACKAGE = Path(pflut.__file__).parent
 # more closely. A module may import what stands on a line before its own, and what has its own name;
 # names on one line do not import each other.
 ORDER = [
-    "_jit _files _cache geometry",
+    "_jit _files _cache _lazy geometry",
     "_trig correspondences trajectory statistics",
     "camera evaluation",
     "features",
@@ -100,7 +100,8 @@ def test_imports_point_down(path: Path) -> None:
             foreign = set(names) - set(targets) - {"__version__"}
             assert not foreign, f"line {line}: public names are for users: {sorted(foreign)}"
         for target in map(unit, targets):
-            if target != here and RANK[target] >= RANK.get(here, 0):
+            # pflut itself stands above all that it hands on
+            if target != here and RANK[target] >= RANK.get(here, len(ORDER)):
                 upward.append(f"line {line}: {here or 'pflut'} imports {target}")
     assert not upward
 
@@ -261,6 +262,31 @@ def test_public_names_exist_and_are_listed() -> None:
     assert sorted(pflut.__all__[1:]) == pflut.__all__[1:]
     for name in pflut.__all__:
         assert getattr(pflut, name) is not None
-    assert set(dir(pflut)) == set(pflut.__all__)
+    assert {*dir(pflut), "__version__"} == set(pflut.__all__)
     with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
         _ = pflut.nothing
+
+
+PACKAGES = [path for path in MODULES if path.name == "__init__.py" and "lazy(" in path.read_text()]
+
+
+@pytest.mark.parametrize("path", PACKAGES, ids=lambda path: path.parent.name)
+def test_lazy_names_are_those_that_type_checkers_see(path: Path) -> None:
+    """A name that is found at run time has a type, and the other way round, in one module."""
+    tree = TREES[path]
+    checked = {
+        alias.asname: node.module
+        for block in tree.body
+        if isinstance(block, ast.If)
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assigned = next(
+        node.value
+        for node in tree.body
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "_NAMES"
+    )
+    package = ".".join(["pflut", *path.relative_to(PACKAGE).parent.parts])
+    found = {name: f"{package}.{module}" for name, module in ast.literal_eval(assigned).items()}
+    assert checked == found

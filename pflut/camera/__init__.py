@@ -2,8 +2,24 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
+
+from pflut._lazy import lazy
+
+if TYPE_CHECKING:
+    from pflut.camera.base import Camera as Camera
+    from pflut.camera.cylindrical import CylindricalPanorama as CylindricalPanorama
+    from pflut.camera.equirectangular import EquirectangularPanorama as EquirectangularPanorama
+    from pflut.camera.files import load_camera as load_camera
+    from pflut.camera.files import save_camera as save_camera
+    from pflut.camera.fisheye import Fisheye as Fisheye
+    from pflut.camera.hyperbolic import HyperbolicMirror as HyperbolicMirror
+    from pflut.camera.mount import Mount as Mount
+    from pflut.camera.ocamcalib import OcamCalib as OcamCalib
+    from pflut.camera.perspective import Perspective as Perspective
+    from pflut.camera.unwrap import Unwrapper as Unwrapper
+    from pflut.camera.unwrap import default_panorama as default_panorama
+    from pflut.camera.unwrap import unwrap_maps as unwrap_maps
 
 _NAMES = {
     "Camera": "base",
@@ -21,13 +37,4 @@ _NAMES = {
     "unwrap_maps": "unwrap",
 }
 
-
-def __getattr__(name: str) -> Any:
-    """Import a public name when it is first used."""
-    if name not in _NAMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_NAMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted(_NAMES)
+__getattr__, __dir__ = lazy(__name__, _NAMES)

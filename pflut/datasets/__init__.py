@@ -2,8 +2,19 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
+
+from pflut._lazy import lazy
+
+if TYPE_CHECKING:
+    from pflut.datasets.base import Dataset as Dataset
+    from pflut.datasets.folder import load_folder as load_folder
+    from pflut.datasets.folder import write_folder as write_folder
+    from pflut.datasets.kitti import load_kitti_odometry as load_kitti_odometry
+    from pflut.datasets.registry import data_root as data_root
+    from pflut.datasets.registry import load_dataset as load_dataset
+    from pflut.datasets.simulated_home import load_simulated_home as load_simulated_home
+    from pflut.datasets.zind import load_zind as load_zind
 
 _NAMES = {
     "Dataset": "base",
@@ -16,13 +27,4 @@ _NAMES = {
     "write_folder": "folder",
 }
 
-
-def __getattr__(name: str) -> Any:
-    """Import a public name when it is first used."""
-    if name not in _NAMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_NAMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted(_NAMES)
+__getattr__, __dir__ = lazy(__name__, _NAMES)

@@ -2,8 +2,18 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
+
+from pflut._lazy import lazy
+
+if TYPE_CHECKING:
+    from pflut.features.cache import FeatureCache as FeatureCache
+    from pflut.features.extractor import FeatureExtractor as FeatureExtractor
+    from pflut.features.features import Features as Features
+    from pflut.features.image import read_image as read_image
+    from pflut.features.matching import match as match
+    from pflut.features.matching import match_indices as match_indices
+    from pflut.features.matching import match_many as match_many
 
 _NAMES = {
     "FeatureCache": "cache",
@@ -15,13 +25,4 @@ _NAMES = {
     "read_image": "image",
 }
 
-
-def __getattr__(name: str) -> Any:
-    """Import a public name when it is first used."""
-    if name not in _NAMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_NAMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted(_NAMES)
+__getattr__, __dir__ = lazy(__name__, _NAMES)

@@ -7,8 +7,20 @@ state and its choice of a window system are never touched, so all of it works wi
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
+
+from pflut._lazy import lazy
+
+if TYPE_CHECKING:
+    from pflut.plot.animation import ParticleFrame as ParticleFrame
+    from pflut.plot.animation import animate_particles as animate_particles
+    from pflut.plot.errors import plot_error_against as plot_error_against
+    from pflut.plot.errors import plot_errors as plot_errors
+    from pflut.plot.map import draw_map as draw_map
+    from pflut.plot.map import plot_trajectory as plot_trajectory
+    from pflut.plot.pair import plot_correspondences as plot_correspondences
+    from pflut.plot.pair import plot_posterior as plot_posterior
+    from pflut.plot.style import save_figure as save_figure
 
 _NAMES = {
     "ParticleFrame": "animation",
@@ -22,13 +34,4 @@ _NAMES = {
     "save_figure": "style",
 }
 
-
-def __getattr__(name: str) -> Any:
-    """Import a public name when it is first used."""
-    if name not in _NAMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_NAMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted(_NAMES)
+__getattr__, __dir__ = lazy(__name__, _NAMES)

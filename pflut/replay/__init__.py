@@ -2,8 +2,19 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
+
+from pflut._lazy import lazy
+
+if TYPE_CHECKING:
+    from pflut.replay.options import ReplayOptions as ReplayOptions
+    from pflut.replay.pipeline import replay_dataset as replay_dataset
+    from pflut.replay.prepare import prepare_dataset as prepare_dataset
+    from pflut.replay.result import ReplayResult as ReplayResult
+    from pflut.replay.result import ReplayStep as ReplayStep
+    from pflut.replay.seeds import SeedRun as SeedRun
+    from pflut.replay.seeds import replay_seed as replay_seed
+    from pflut.replay.seeds import replay_seeds as replay_seeds
 
 _NAMES = {
     "ReplayOptions": "options",
@@ -16,13 +27,4 @@ _NAMES = {
     "replay_seeds": "seeds",
 }
 
-
-def __getattr__(name: str) -> Any:
-    """Import a public name when it is first used."""
-    if name not in _NAMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_NAMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted(_NAMES)
+__getattr__, __dir__ = lazy(__name__, _NAMES)
