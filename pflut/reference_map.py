@@ -18,7 +18,7 @@ from pflut.retrieval import Vocabulary
 
 if TYPE_CHECKING:
     from pflut.datasets.base import Dataset
-    from pflut.features import FeatureExtractor
+    from pflut.features import FeatureCache, FeatureExtractor
 
 FORMAT = "pflut reference map"
 VERSION = 1
@@ -78,6 +78,7 @@ class ReferenceMap:
         extractor: FeatureExtractor,
         *,
         names: Sequence[str] | None = None,
+        cache: FeatureCache | None = None,
         progress: Progress | None = None,
     ) -> ReferenceMap:
         """Build a map from images and their poses.
@@ -90,6 +91,8 @@ class ReferenceMap:
         extractor : FeatureExtractor
         names : sequence of str, optional
             By default the numbers.
+        cache : FeatureCache, optional
+            Features are looked up there, and kept.
         progress : callable, optional
             Called as ``progress(images_done, images_total)``.
 
@@ -100,14 +103,19 @@ class ReferenceMap:
         checked = as_poses(poses, "poses")
         features = []
         for image in images:
-            features.append(extractor(image))
+            features.append(extractor(image) if cache is None else cache(extractor, image))
             if progress is not None:
                 progress(len(features), len(checked))
         return cls(checked, tuple(features), tuple(names or map(str, range(len(features)))))
 
     @classmethod
     def from_dataset(
-        cls, dataset: Dataset, extractor: FeatureExtractor, *, progress: Progress | None = None
+        cls,
+        dataset: Dataset,
+        extractor: FeatureExtractor,
+        *,
+        cache: FeatureCache | None = None,
+        progress: Progress | None = None,
     ) -> ReferenceMap:
         """Build the map of a dataset's reference images.
 
@@ -116,6 +124,8 @@ class ReferenceMap:
         dataset : Dataset
             With ground truth at its references.
         extractor : FeatureExtractor
+        cache : FeatureCache, optional
+            Features are looked up there, and kept.
         progress : callable, optional
             Called as ``progress(images_done, images_total)``.
 
@@ -126,7 +136,7 @@ class ReferenceMap:
         Raises
         ------
         ValueError
-            If the dataset has no references.
+            If the dataset has no references, or an image does not decode.
         """
         indices = dataset.reference_indices
         if not len(indices) or dataset.ground_truth is None:
@@ -139,6 +149,7 @@ class ReferenceMap:
             dataset.ground_truth[indices],
             extractor,
             names=[dataset.image_paths[i].name for i in indices],
+            cache=cache,
             progress=progress,
         )
 

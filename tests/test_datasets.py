@@ -126,7 +126,7 @@ def test_references_can_be_chosen(folder, tmp_path):
     everything = load_folder(folder, references="all")
     assert everything.leave_one_out
     assert everything.query_indices.tolist() == list(range(N))
-    assert everything.references_for(3).tolist() == [0, 1, 2, *range(4, N)]
+    assert everything.reference_indices.tolist() == list(range(N))
 
 
 @pytest.mark.parametrize(
@@ -318,7 +318,7 @@ def test_zind_poses_agree_with_those_converted_by_others():
     np.testing.assert_allclose(dataset.ground_truth, other.poses, atol=1e-6)
     assert dataset.camera.mount.height == pytest.approx(1.435, abs=1e-3)
     assert dataset.leave_one_out
-    assert len(dataset.references_for(5)) == 31
+    assert len(dataset.reference_indices) == 32
     assert dataset.image(0).shape == (1024, 2048)
     assert load_dataset("zind_home000", references="every:2").reference_indices.size == 16
 

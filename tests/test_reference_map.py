@@ -59,6 +59,15 @@ def test_from_dataset_takes_its_references() -> None:
     assert [len(f) for f in built.features] == [1, 3]
     assert built.names == ("1.png", "3.png")
     assert built.poses.tolist() == [[3, 4, 5], [9, 10, 11]]
+    seen = []
+    cached = ReferenceMap.from_dataset(
+        dataset,
+        None,
+        cache=lambda _, image: extractor(image[1:]),
+        progress=lambda *d: seen.append(d),
+    )
+    assert [len(f) for f in cached.features] == [0, 2]
+    assert seen == [(1, 2), (2, 2)]
     for change in ({"reference_indices": np.array([], int)}, {"ground_truth": None}):
         wrong = SimpleNamespace(**(vars(dataset) | change))
         with pytest.raises(ValueError, match="flat: no reference images; expected"):

@@ -14,10 +14,11 @@ from pflut.datasets import Dataset, load_folder
 from pflut.features import FeatureCache, match
 from pflut.geometry import compose, relative_headings, wrap_to_pi
 from pflut.likelihood.table import LikelihoodTable
+from pflut.reference_map import ReferenceMap
 from pflut.relpose.estimate import estimate_relative_pose
 from pflut.replay import ReplayOptions, ReplayResult, prepare_dataset, replay_dataset
 from pflut.replay.each import localize_each
-from pflut.replay.pipeline import make_extractor, make_map, make_motion
+from pflut.replay.pipeline import make_extractor, make_motion
 
 OPTIONS = ReplayOptions(num_particles=2000)
 
@@ -150,7 +151,7 @@ def test_the_image_itself_is_not_among_its_references(
     )
     options = dataclasses.replace(OPTIONS, search_spacing=0.5, search_headings=12)
     extractor = make_extractor(dataset, options)
-    reference_map = make_map(dataset, extractor, cache=room_cache)
+    reference_map = ReferenceMap.from_dataset(dataset, extractor, cache=room_cache)
     located = localize_each(
         dataset, reference_map, small_table, extractor, options, cache=room_cache
     )

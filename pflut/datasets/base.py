@@ -43,8 +43,7 @@ class Dataset:
         Poses in a frame of the odometry's own, drifting; NaN rows where there is none.
     reference_indices, query_indices : ndarray of int
         Which images make the map and which are localized in it. An image may be both (leave one
-        out): it must then be kept out of the map that it is compared with, see
-        `references_for`.
+        out): it must then be kept out of the map that it is compared with.
     floor_plan : ndarray of shape (s, 2, 2), optional
         Wall segments for drawing: segment, end, ``[x, y]`` in metres in the world.
     mask_elevation : (float, float), optional
@@ -175,11 +174,6 @@ class Dataset:
     def leave_one_out(self) -> bool:
         """Whether images are both references and queries."""
         return bool(np.intersect1d(self.reference_indices, self.query_indices).size)
-
-    def references_for(self, query: int) -> IndexArray:
-        """Give the references that an image may be compared with: all but itself."""
-        others: IndexArray = self.reference_indices[self.reference_indices != query]
-        return others
 
     def with_references(self, references: References) -> Dataset:
         """Return the same dataset with other references.

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pflut._jit import jit
-from pflut.geometry import FloatArray, as_poses, wrap_to_pi
+from pflut.geometry import TWO_PI, FloatArray, as_poses, wrap_to_pi
 from pflut.localization.resampling import systematic_indices
 from pflut.localization.weights import Weights
 
-TWO_PI = 2.0 * np.pi
 METHODS = ("cluster", "mean")
 
 # "here" for the confidence: near enough to call the robot localized

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pflut._jit import jit
-from pflut.geometry import FloatArray, as_poses
+from pflut.geometry import TWO_PI, FloatArray, as_poses
 
-TWO_PI = 2.0 * np.pi
 HALF_PI = 0.5 * np.pi
 
 

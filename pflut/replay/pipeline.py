@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -89,7 +90,12 @@ def replay_dataset(
     dataset = plan.dataset
     likelihood = table or make_table(options.bins or camera_bins(dataset.camera), progress=progress)
     extractor = make_extractor(dataset, options)
-    reference_map = make_map(dataset, extractor, cache=cache, progress=progress)
+    reference_map = ReferenceMap.from_dataset(
+        dataset,
+        extractor,
+        cache=cache,
+        progress=None if progress is None else partial(progress, "references"),
+    )
     snapshots: dict[int, tuple[FloatArray, FloatArray]] = {}
     skipped: tuple[int, ...] = ()
     if plan.each_on_its_own:
@@ -174,36 +180,6 @@ def make_extractor(dataset: Dataset, options: ReplayOptions) -> FeatureExtractor
         max_features=options.max_features,
         mask_elevation=dataset.mask_elevation,
     )
-
-
-def make_map(
-    dataset: Dataset,
-    extractor: FeatureExtractor,
-    *,
-    cache: FeatureCache | None = None,
-    progress: Progress | None = None,
-) -> ReferenceMap:
-    """Build the map of a dataset's references, their features from the cache where it has them.
-
-    Raises
-    ------
-    ValueError
-        If the dataset has no references, or an image does not decode.
-    """
-    indices = dataset.reference_indices
-    if not len(indices) or dataset.ground_truth is None:
-        raise ValueError(
-            f"{dataset.name}: no reference images; expected a references file or an option such "
-            "as references='every:10'"
-        )
-    features = []
-    for index in indices:
-        image = dataset.image(int(index))
-        features.append(extractor(image) if cache is None else cache(extractor, image))
-        if progress is not None:
-            progress("references", len(features), len(indices))
-    names = tuple(dataset.image_paths[i].name for i in indices)
-    return ReferenceMap(dataset.ground_truth[indices], tuple(features), names)
 
 
 def make_filter(dataset: Dataset, sensor: ReplaySensor, options: ReplayOptions) -> ParticleFilter:
