@@ -139,16 +139,17 @@ def test_spread_of_the_biweight() -> None:
 
 
 def test_chance_share_equals_counting() -> None:
-    c, *_ = CorrespondenceSimulator(mismatch=1.0).pair(25, 0)
-    lattice, cutoff = 6, 0.1
-    poses = [
-        (2 * np.pi * i / lattice, 2 * np.pi * (j + 0.618 * i) / lattice)
-        for i in range(lattice)
-        for j in range(lattice)
-    ]
-    expected = np.mean([naive.count_inliers(angles_of(c), *p, cutoff) for p in poses]) / 25
+    c, *pose = CorrespondenceSimulator(mismatch=0.5).pair(25, 0)
+    shifts, cutoff = 6, 0.1
+    counts = []
+    for shift in range(1, shifts + 1):
+        left = c.azimuth_l, c.elevation_l
+        right = np.roll(c.azimuth_r, -shift), np.roll(c.elevation_r, -shift)
+        mismatches = Correspondences(*left, *right)
+        counts.append(naive.count_inliers(angles_of(mismatches), *pose, cutoff))
+    expected = np.mean(counts) / 25
     assert expected > 0.01
-    assert chance_share(bearing_table(c), cutoff, lattice) == pytest.approx(expected, abs=0.002)
+    assert chance_share(bearing_table(c), cutoff, *pose, shifts) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(
@@ -388,13 +389,14 @@ def test_too_few_matches_are_no_success(
         assert e.num_inliers <= n
 
 
-@pytest.mark.parametrize("n", [5, 25, 100])
+@pytest.mark.parametrize("n", [5, 25, 100, 300])
 def test_mismatches_alone_are_seldom_a_success(default_table: LikelihoodTable, n: int) -> None:
     _, angles = CorrespondenceSimulator(mismatch=1.0).sample(100, n, 5)
     successes = [
         estimate_relative_pose(Correspondences(*a.T), default_table).success for a in angles
     ]
-    assert np.mean(successes) <= 0.15
+    # 0.01 are claimed; six of a hundred would then be five standard errors too many
+    assert np.mean(successes) <= 0.06
 
 
 def test_points_on_the_horizon_tell_nothing_of_r(default_table: LikelihoodTable) -> None:

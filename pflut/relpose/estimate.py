@@ -19,7 +19,8 @@ MIN_INLIERS = 3
 UNIFORM_VARIANCE = np.pi**2 / 3.0
 BIWEIGHT_SPREAD = 0.52
 """Mean of w e^2 over sigma^2 for normal residuals e and the biweight w cut off at 3 sigma."""
-LATTICE = 8
+SHIFTS = 16
+"""Certain mismatches looked at a correspondence, to measure what coincidence brings."""
 MAX_FALSE_ALARMS = 0.01
 BAND = np.arange(-2, 3)
 """Cells on both sides of the poses of one rotation that count to its band."""
@@ -58,7 +59,8 @@ def estimate_relative_pose(
         Between the reference view L and the query view R.
     likelihood : LikelihoodTable
     noise : float
-        Standard deviation of the bearings, radians; it sets the M-estimator's cut-offs.
+        Standard deviation of the bearings, radians; it sets the M-estimator's cut-offs. Where the
+        real one is larger the cut-offs hide it, and the covariance is too small.
     polish : bool
         Whether to polish.
     posterior : GridPosterior, optional
@@ -106,17 +108,18 @@ def estimate_relative_pose(
         + 2.0 * float(np.log(posterior.bins)),
         log_evidence=log_evidence,
         num_inliers=int(inliers),
-        success=bool(
-            inliers >= MIN_INLIERS
-            and log_false_alarms(
-                inliers,
-                len(correspondences),
-                chance_share(bearings, cutoffs[-1], LATTICE),
-                cutoffs[-1],
-            )
-            < np.log(MAX_FALSE_ALARMS)
-        ),
+        success=inliers >= MIN_INLIERS
+        and _is_no_coincidence(bearings, headings, inliers, cutoffs[-1]),
     )
+
+
+def _is_no_coincidence(
+    bearings: FloatArray, headings: FloatArray, inliers: int, cutoff: float
+) -> bool:
+    """Tell whether coincidence would not bring as many inliers to any pose."""
+    total = len(bearings)
+    share = chance_share(bearings, cutoff, headings[0], headings[1], min(SHIFTS, total - 1))
+    return log_false_alarms(inliers, total, share, cutoff) < log(MAX_FALSE_ALARMS)
 
 
 def log_false_alarms(inliers: int, total: int, share: float, cutoff: float) -> float:
@@ -129,7 +132,7 @@ def log_false_alarms(inliers: int, total: int, share: float, cutoff: float) -> f
     ----------
     inliers, total : int
     share : float
-        Probability that a correspondence agrees with a pose taken at random.
+        Probability that a mismatch agrees with a pose.
     cutoff : float
         Largest residual of an inlier, radians.
 
@@ -144,7 +147,7 @@ def log_false_alarms(inliers: int, total: int, share: float, cutoff: float) -> f
     images and estimate the fundamental matrix", IJCV 57(3), 2004.
     """
     poses = 2.0 * log(np.pi / cutoff)
-    share = min(max(share, 1.0 / (LATTICE**2 * max(total, 1))), 1.0 - 1e-9)
+    share = min(max(share, 1.0 / (SHIFTS * max(total, 1))), 1.0 - 1e-9)
     terms = [
         lgamma(total + 1)
         - lgamma(k + 1)

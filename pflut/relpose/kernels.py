@@ -163,22 +163,24 @@ def refine_pose(bearings, owners, references, scales, steps_per_scale, pose, inf
 
 
 @jit
-def chance_share(bearings, cutoff, lattice):  # type: ignore[no-untyped-def]
-    """Give the share of correspondences that a pose taken at random has as inliers.
+def chance_share(bearings, cutoff, theta, phi, shifts):  # type: ignore[no-untyped-def]
+    """Give the share of certain mismatches that agree with a pose: what coincidence brings.
 
-    The mean over a ``lattice`` x ``lattice`` grid of poses: what coincidence alone brings.
+    The mismatches are made of the data's own bearings, each point of L with the points of R that
+    belong to the next ``shifts`` correspondences: bearings that crowd in one direction agree with
+    some poses far more often than others. O(n shifts).
     """
     row = np.empty(3)
+    pair = np.empty(8)
+    n = bearings.shape[0]
+    sin_theta, cos_theta = np.sin(theta), np.cos(theta)
+    sin_phi, cos_phi = np.sin(phi), np.cos(phi)
     inliers = 0
-    for i in range(lattice):
-        for j in range(lattice):
-            # the second heading is shifted from row to row, so that the lattice has no diagonals
-            theta = 2.0 * np.pi * i / lattice
-            phi = 2.0 * np.pi * (j + 0.618 * i) / lattice
-            sin_theta, cos_theta = np.sin(theta), np.cos(theta)
-            sin_phi, cos_phi = np.sin(phi), np.cos(phi)
-            for k in range(bearings.shape[0]):
-                in_front = _residual(bearings[k], sin_theta, cos_theta, sin_phi, cos_phi, row)
-                if in_front and abs(row[0]) < cutoff:
-                    inliers += 1
-    return inliers / (lattice * lattice * bearings.shape[0])
+    for i in range(n):
+        pair[:4] = bearings[i, :4]
+        for shift in range(1, shifts + 1):
+            pair[4:] = bearings[(i + shift) % n, 4:]
+            in_front = _residual(pair, sin_theta, cos_theta, sin_phi, cos_phi, row)
+            if in_front and abs(row[0]) < cutoff:
+                inliers += 1
+    return inliers / (n * shifts)
