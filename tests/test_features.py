@@ -407,3 +407,31 @@ def test_interrupted_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 def test_default_cache_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PFLUT_CACHE", str(tmp_path))
     assert FeatureCache().folder == tmp_path / "features"
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg"])
+@pytest.mark.parametrize("keep", [0.3, 0.5, 0.9])
+def test_an_image_cut_short_is_one_error_and_nothing_on_stderr(
+    tmp_path: Path, suffix: str, keep: float, capfd: pytest.CaptureFixture[str]
+) -> None:
+    noise = np.random.default_rng(0).integers(0, 256, (120, 160)).astype(np.uint8)
+    whole = cv2.imencode(suffix, noise)[1].tobytes()
+    path = tmp_path / f"image{suffix}"
+    path.write_bytes(whole)
+    assert read_image(path).shape == (120, 160)
+    path.write_bytes(whole[: int(keep * len(whole))])
+    with pytest.raises(ValueError, match=f"image{suffix}: (does not decode|damaged image)"):
+        read_image(path)
+    assert capfd.readouterr().err == ""
+
+
+def test_a_damaged_jpeg_is_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    rng = np.random.default_rng(1)
+    whole = bytearray(cv2.imencode(".jpg", rng.integers(0, 256, (120, 160)).astype(np.uint8))[1])
+    middle = len(whole) // 2
+    whole[middle : middle + 200] = rng.bytes(200)
+    path = tmp_path / "image.jpg"
+    path.write_bytes(whole)
+    with pytest.raises(ValueError, match=r"image.jpg: damaged image \(Corrupt JPEG data"):
+        read_image(path)
+    assert capfd.readouterr().err == ""

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import os
+import re
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+_STANDARD_ERROR = threading.Lock()
+_DAMAGE = re.compile(r"corrupt|premature|truncated|incomplete|error|invalid|CRC|damaged", re.I)
 
 
 def read_image(path: str | Path) -> NDArray[np.uint8]:
@@ -35,12 +44,36 @@ def read_image(path: str | Path) -> NDArray[np.uint8]:
     data = np.frombuffer(Path(path).read_bytes(), dtype=np.uint8)
     flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
     try:
-        image = cv2.imdecode(data, flags) if data.size else None
+        with _decoder_complaints() as complaints:
+            image = cv2.imdecode(data, flags) if data.size else None
     except cv2.error:
         image = None
     if image is None:
         raise ValueError(f"{path}: does not decode as an image")
+    if complaints:
+        raise ValueError(f"{path}: damaged image ({complaints[0]})")
     return np.asarray(image, dtype=np.uint8)
+
+
+@contextmanager
+def _decoder_complaints() -> Iterator[list[str]]:
+    """Catch what the libraries below OpenCV write to the standard error of the process.
+
+    libpng and libjpeg report a damaged file there and nowhere else; the image that they give all
+    the same is partly invented. The list is filled when the block ends.
+    """
+    complaints: list[str] = []
+    with _STANDARD_ERROR, tempfile.TemporaryFile() as heard:
+        kept = os.dup(2)
+        os.dup2(heard.fileno(), 2)
+        try:
+            yield complaints
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+            heard.seek(0)
+            lines = heard.read().decode(errors="replace").splitlines()
+            complaints += [line.strip() for line in lines if _DAMAGE.search(line)]
 
 
 def as_gray(image: NDArray[Any], width: int, height: int) -> NDArray[np.uint8]:
