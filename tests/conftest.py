@@ -11,8 +11,7 @@ import room
 from pflut.datasets import Dataset, load_folder
 from pflut.datasets.simulated_home import RENDERER_VERSION
 from pflut.features import FeatureCache
-from pflut.likelihood.storage import VERSION
-from pflut.likelihood.table import DEFAULT_SAMPLES, LikelihoodTable
+from pflut.likelihood.table import LikelihoodTable, default_description
 
 
 @pytest.fixture(scope="session")
@@ -58,5 +57,9 @@ def room_home_cache(
         name = f"v{RENDERER_VERSION}-seed{seed}-people0-blur0"
         shutil.copytree(room_folder, cache / "simulated-home" / name)
     for bins in (32, 128):
-        small_table.save(cache / f"table-v{VERSION}-{bins}-{DEFAULT_SAMPLES}.npz")
+        # the small table's cells, as many as the default table has
+        cells = small_table.log_ratio
+        for axis in range(3):
+            cells = cells.repeat(bins // 32, axis=axis)
+        LikelihoodTable(cells, default_description(bins)).save(cache / f"table-{bins}.npz")
     return cache

@@ -538,18 +538,26 @@ def test_default_is_learned_once_and_again_where_spoilt(
 
     def counting(**options) -> LikelihoodTable:
         learned.append(1)
-        return learn(**(options | {"bins": 8}))
+        return learn(**options)
 
     monkeypatch.setattr(LikelihoodTable, "from_simulation", counting)
-    first = LikelihoodTable.default()
-    assert (LikelihoodTable.default().log_ratio == first.log_ratio).all()
+    first = LikelihoodTable.default(bins=8)
+    assert (LikelihoodTable.default(bins=8).log_ratio == first.log_ratio).all()
     assert len(learned) == 1
     (file,) = tmp_path.iterdir()
     file.write_bytes(file.read_bytes()[:100])
-    assert (LikelihoodTable.default().log_ratio == first.log_ratio).all()
+    assert (LikelihoodTable.default(bins=8).log_ratio == first.log_ratio).all()
     assert len(learned) == 2
-    LikelihoodTable.default()
+    LikelihoodTable.default(bins=8)
     assert len(learned) == 2
+    # another table under the same name is not taken for it, be it of other cells or other samples
+    learn(bins=16, num_samples=BLOCK).save(file)
+    assert LikelihoodTable.default(bins=8).bins == 8
+    learn(bins=8, num_samples=BLOCK, seed=1).save(file)
+    assert (LikelihoodTable.default(bins=8).log_ratio == first.log_ratio).all()
+    monkeypatch.setattr(f"{module}.LEARNING_VERSION", 99)
+    LikelihoodTable.default(bins=8)
+    assert len(learned) == 5
 
 
 def test_default_is_the_paper_s(default_table: LikelihoodTable) -> None:

@@ -65,7 +65,7 @@ def read_table(path: str | os.PathLike[str]) -> tuple[NDArray[np.float32], dict[
     FileNotFoundError
         If there is no such file.
     """
-    stored = read_arrays(path, FORMAT)
+    stored = read_arrays(path, "likelihood table")
     if str(stored.get("format")) != FORMAT:
         raise ValueError(f"{path}: not a {FORMAT}")
     version = str(stored.get("version"))

@@ -21,12 +21,14 @@ from pflut.likelihood.learning import (
     count_simulated,
     log_ratio_from_counts,
 )
-from pflut.likelihood.storage import VERSION, read_table, write_table
+from pflut.likelihood.storage import read_table, write_table
 from pflut.simulation.correspondences import CorrespondenceSimulator
 
 DEFAULT_BINS = 128
 DEFAULT_SAMPLES = 64_000_000
 EMPTY_CELL_SHARE = 1e-3
+LEARNING_VERSION = 1
+"""Goes up when simulator, cells or mixing change: tables in caches are then learned anew."""
 MIN_BINS, MAX_BINS = 4, 512
 
 
@@ -186,13 +188,7 @@ class LikelihoodTable:
             log_ratio = log_ratio_from_counts(mixed, uniform=EMPTY_CELL_SHARE)
         return cls(
             log_ratio,
-            {
-                "source": "simulation",
-                "simulator": dataclasses.asdict(simulator),
-                "mismatches": mismatches,
-                "num_samples": int(num_samples),
-                "seed": int(seed),
-            },
+            _learned(simulator, num_samples=num_samples, mismatches=mismatches, seed=seed),
         )
 
     @classmethod
@@ -267,14 +263,18 @@ class LikelihoodTable:
         -------
         LikelihoodTable
         """
-        num_samples = DEFAULT_SAMPLES * max(1, bins // DEFAULT_BINS)
-        path = cache_dir() / f"table-v{VERSION}-{bins}-{num_samples}.npz"
+        path = cache_dir() / f"table-{bins}.npz"
         try:
-            return cls.load(path)
-        except (OSError, ValueError):  # not there yet, or spoilt: learn it (again)
-            table = cls.from_simulation(bins=bins, num_samples=num_samples, progress=progress)
-            table.save(path)
-            return table
+            table = cls.load(path)
+            if table.bins == bins and table.learned_from == default_description(bins):
+                return table
+        except (OSError, ValueError):
+            pass  # not there yet, or spoilt
+        table = cls.from_simulation(
+            bins=bins, num_samples=_default_samples(bins), progress=progress
+        )
+        table.save(path)
+        return table
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the table to a `.npz` file, atomically.
@@ -305,3 +305,30 @@ class LikelihoodTable:
             If there is no such file.
         """
         return cls(*read_table(path))
+
+
+def _learned(
+    simulator: CorrespondenceSimulator | None = None,
+    *,
+    num_samples: int,
+    mismatches: str = "uniform",
+    seed: int = 0,
+) -> dict[str, Any]:
+    """Describe a table learned from the simulator; what differs in this is another table."""
+    return {
+        "source": "simulation",
+        "learning_version": LEARNING_VERSION,
+        "simulator": dataclasses.asdict(simulator or CorrespondenceSimulator()),
+        "mismatches": mismatches,
+        "num_samples": int(num_samples),
+        "seed": int(seed),
+    }
+
+
+def _default_samples(bins: int) -> int:
+    return DEFAULT_SAMPLES * max(1, bins // DEFAULT_BINS)
+
+
+def default_description(bins: int) -> dict[str, Any]:
+    """Return what ``learned_from`` of the default table of so many bins says."""
+    return _learned(num_samples=_default_samples(bins))

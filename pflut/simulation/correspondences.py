@@ -53,11 +53,10 @@ def _ball_point(state, radius):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _noisy_bearing(state, x, y, z, noise, roll, pitch):  # type: ignore[no-untyped-def]
+def _noisy_bearing(state, x, y, z, noise, cos_roll, sin_roll, cos_pitch, sin_pitch):  # type: ignore[no-untyped-def]
     """Project a point given in the camera's frame: tilt, noise, then azimuth and slope."""
-    if roll != 0.0 or pitch != 0.0:
-        y, z = np.cos(roll) * y - np.sin(roll) * z, np.sin(roll) * y + np.cos(roll) * z
-        x, z = np.cos(pitch) * x + np.sin(pitch) * z, np.cos(pitch) * z - np.sin(pitch) * x
+    y, z = cos_roll * y - sin_roll * z, sin_roll * y + cos_roll * z
+    x, z = cos_pitch * x + sin_pitch * z, cos_pitch * z - sin_pitch * x
     planar = np.sqrt(x * x + y * y)
     # The noise lies in the sphere's tangent plane: across, and towards the zenith. Everything is
     # scaled by the landmark's distance, which cancels in both angles.
@@ -85,6 +84,8 @@ def _simulate(state, mismatch, noise, max_tilt, radius, headings, bearings):  # 
         cos_r, sin_r = np.cos(yaw_r), np.sin(yaw_r)
         roll = max_tilt * (2.0 * _uniform(state) - 1.0)
         pitch = max_tilt * (2.0 * _uniform(state) - 1.0)
+        cos_roll, sin_roll = np.cos(roll), np.sin(roll)
+        cos_pitch, sin_pitch = np.cos(pitch), np.sin(pitch)
         direction = np.arctan2(y_r - y_l, x_r - x_l)
         headings[p, 0] = (direction - yaw_l) % TWO_PI
         headings[p, 1] = (direction + np.pi - yaw_r) % TWO_PI
@@ -92,13 +93,29 @@ def _simulate(state, mismatch, noise, max_tilt, radius, headings, bearings):  # 
             x, y, z = _ball_point(state, radius)
             dx, dy = x - x_l, y - y_l
             bearings[p, i, 0], bearings[p, i, 1] = _noisy_bearing(
-                state, cos_l * dx + sin_l * dy, cos_l * dy - sin_l * dx, z, noise, 0.0, 0.0
+                state,
+                cos_l * dx + sin_l * dy,
+                cos_l * dy - sin_l * dx,
+                z,
+                noise,
+                1.0,
+                0.0,
+                1.0,
+                0.0,
             )
             if i < num_mismatches:
                 x, y, z = _ball_point(state, radius)
             dx, dy = x - x_r, y - y_r
             bearings[p, i, 2], bearings[p, i, 3] = _noisy_bearing(
-                state, cos_r * dx + sin_r * dy, cos_r * dy - sin_r * dx, z, noise, roll, pitch
+                state,
+                cos_r * dx + sin_r * dy,
+                cos_r * dy - sin_r * dx,
+                z,
+                noise,
+                cos_roll,
+                sin_roll,
+                cos_pitch,
+                sin_pitch,
             )
 
 
