@@ -64,6 +64,4 @@ _NAMES = {
     "pose_posterior": "posterior",
 }
 
-__all__ = ["__version__", *sorted(_NAMES)]
-
-__getattr__, __dir__ = lazy(__name__, _NAMES)
+__getattr__, __dir__, __all__ = lazy(__name__, _NAMES)

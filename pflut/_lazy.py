@@ -9,8 +9,8 @@ from typing import Any
 
 def lazy(
     package: str, names: Mapping[str, str]
-) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """Make a package's ``__getattr__`` and ``__dir__`` (PEP 562).
+) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """Make a package's ``__getattr__``, ``__dir__`` (PEP 562) and ``__all__``.
 
     Parameters
     ----------
@@ -21,9 +21,9 @@ def lazy(
 
     Returns
     -------
-    getattr, dir : callable
-        To be assigned to ``__getattr__`` and ``__dir__``. Type checkers do not see through them:
-        the package also imports the names under ``if TYPE_CHECKING``.
+    getattr, dir, all : callable, callable, list of str
+        To be assigned to those names. Type checkers do not see through them: the package also
+        imports the names under ``if TYPE_CHECKING``.
     """
 
     def find(name: str) -> Any:
@@ -31,4 +31,4 @@ def lazy(
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         return getattr(import_module(f"{package}.{names[name]}"), name)
 
-    return find, lambda: sorted(names)
+    return find, lambda: sorted(names), sorted(names)

@@ -259,10 +259,10 @@ def test_public_names_bring_what_they_need_only() -> None:
 
 
 def test_public_names_exist_and_are_listed() -> None:
-    assert sorted(pflut.__all__[1:]) == pflut.__all__[1:]
+    assert sorted(pflut.__all__) == pflut.__all__
     for name in pflut.__all__:
         assert getattr(pflut, name) is not None
-    assert {*dir(pflut), "__version__"} == set(pflut.__all__)
+    assert dir(pflut) == pflut.__all__
     with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
         _ = pflut.nothing
 

@@ -37,4 +37,4 @@ _NAMES = {
     "unwrap_maps": "unwrap",
 }
 
-__getattr__, __dir__ = lazy(__name__, _NAMES)
+__getattr__, __dir__, __all__ = lazy(__name__, _NAMES)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from pflut.datasets.registry import data_root as data_root
     from pflut.datasets.registry import load_dataset as load_dataset
     from pflut.datasets.simulated_home import load_simulated_home as load_simulated_home
+    from pflut.datasets.unwrap import unwrap_folder as unwrap_folder
     from pflut.datasets.zind import load_zind as load_zind
 
 _NAMES = {
@@ -24,7 +25,8 @@ _NAMES = {
     "load_kitti_odometry": "kitti",
     "load_simulated_home": "simulated_home",
     "load_zind": "zind",
+    "unwrap_folder": "unwrap",
     "write_folder": "folder",
 }
 
-__getattr__, __dir__ = lazy(__name__, _NAMES)
+__getattr__, __dir__, __all__ = lazy(__name__, _NAMES)

@@ -25,4 +25,4 @@ _NAMES = {
     "read_image": "image",
 }
 
-__getattr__, __dir__ = lazy(__name__, _NAMES)
+__getattr__, __dir__, __all__ = lazy(__name__, _NAMES)

@@ -34,4 +34,4 @@ _NAMES = {
     "save_figure": "style",
 }
 
-__getattr__, __dir__ = lazy(__name__, _NAMES)
+__getattr__, __dir__, __all__ = lazy(__name__, _NAMES)

@@ -27,4 +27,4 @@ _NAMES = {
     "replay_seeds": "seeds",
 }
 
-__getattr__, __dir__ = lazy(__name__, _NAMES)
+__getattr__, __dir__, __all__ = lazy(__name__, _NAMES)
