@@ -52,6 +52,7 @@ def main() -> None:
         dataset.camera,
         contrast_threshold=arguments.contrast_threshold,
         mask_elevation=dataset.mask_elevation,
+        mask=dataset.mask,
     )
     table = LikelihoodTable.default()
     rows = []

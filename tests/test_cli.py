@@ -345,6 +345,26 @@ def test_dataset_render_is_told_before_it_starts(run: Run, copied: Path) -> None
     refused(run("dataset", "render", copied), "exists already and is not an empty folder")
 
 
+def test_dataset_unwrap(run: Run, copied: Path) -> None:
+    outcome = run("dataset", "unwrap", copied, "flat", "--width", "256")
+    assert outcome.code == 0 and outcome.err == ""
+    assert outcome.out == "flat: unwrapped; replay it with: pflut replay flat\n"
+    assert "mask.png    " in run("dataset", "info", "flat", "--check").out
+    assert run("replay", "flat", *FAST, "--max-images", 2, "--output", "out").code == 0
+    relpose = ("relpose", "0", "1", "--dataset", "flat")
+    every_match = run(*relpose).out
+    mask = cv2.imread("flat/mask.png", cv2.IMREAD_GRAYSCALE)
+    mask[:, : mask.shape[1] // 2] = 0
+    cv2.imwrite("flat/mask.png", mask)
+    assert run(*relpose).out != every_match
+    assert "50.0 % of the pixels are used" in run("dataset", "info", "flat").out
+    refused(run("dataset", "unwrap", copied, "flat"), "flat: exists already")
+    refused(run("dataset", "unwrap", "nothere", "x"), "nothere: no such folder")
+    (copied / "images/000007.png").write_bytes(b"no image")
+    refused(run("dataset", "unwrap", copied, "x"), "000007.png", "does not decode")
+    assert not Path("x").exists()
+
+
 def test_info(run: Run, room_home_cache: Path) -> None:
     outcome = run("info")
     assert outcome.code == 0
@@ -515,6 +535,7 @@ def test_wrong_input_is_refused_in_one_line(
         ("lut",),
         ("lut", "build"),
         ("dataset", "render", "x", "--seed", "-1"),
+        ("dataset", "unwrap", "x", "y", "--width", "0"),
     ],
 )
 def test_wrong_usage_exits_with_2(run: Run, arguments: tuple[str, ...]) -> None:
@@ -529,7 +550,7 @@ def test_wrong_usage_exits_with_2(run: Run, arguments: tuple[str, ...]) -> None:
 @pytest.mark.parametrize(
     "verb",
     ["replay", "simulate", "relpose", "lut build", "lut info", "dataset info", "dataset render",
-     "info"],
+     "dataset unwrap", "info"],
 )  # fmt: skip
 def test_help_has_examples_and_defaults(run: Run, verb: str) -> None:
     outcome = run(*verb.split(), "--help")

@@ -48,6 +48,7 @@ def parts(seed=0):
         "reference_indices": [0, 1, 2, 3],
         "floor_plan": rng.normal(0, 3, (5, 2, 2)),
         "mask_elevation": (-1.0, 1.5),
+        "mask": rng.random((32, 64)) < 0.8,
         "name": 'the "old" flat, Zürich',
     }
 
@@ -67,6 +68,7 @@ def test_folder_round_trip(folder):
     np.testing.assert_allclose(dataset.ground_truth, expected["ground_truth"], rtol=0, atol=1e-15)
     np.testing.assert_allclose(dataset.odometry, expected["odometry"], rtol=0, atol=1e-15)
     np.testing.assert_allclose(dataset.mask_elevation, expected["mask_elevation"], atol=1e-15)
+    assert dataset.mask.dtype == bool and np.array_equal(dataset.mask, expected["mask"])
     assert dataset.reference_indices.tolist() == [0, 1, 2, 3]
     assert dataset.query_indices.tolist() == list(range(4, N))
     assert not dataset.leave_one_out
@@ -87,6 +89,7 @@ def test_minimal_folder_takes_stamps_from_names_and_every_tenth(tmp_path):
     assert dataset.ground_truth[:, 0].tolist() == list(range(25))
     assert dataset.reference_indices.tolist() == [0, 10, 20]
     assert dataset.odometry is dataset.floor_plan is dataset.mask_elevation is None
+    assert dataset.mask is None
     # the poses are 12 s apart: by default nothing is made up between them
     sparse = load_folder(tmp_path)
     assert np.flatnonzero(np.isfinite(sparse.ground_truth[:, 0])).tolist() == [0, 24]
@@ -222,6 +225,18 @@ BROKEN = {
         lambda f: (f / "dataset.toml").write_text("mask_elevation_deg = [50, -50]\n"),
         r"dataset\.toml: mask_elevation_deg: expected \[lowest, highest\]",
     ),
+    "mask of another size": (
+        lambda f: cv2.imwrite(str(f / "mask.png"), np.full((20, 30), 255, np.uint8)),
+        r"mask\.png: 30 x 20 pixels, expected the camera's 64 x 32",
+    ),
+    "mask that is no image": (
+        lambda f: (f / "mask.png").write_bytes(b"no image"),
+        r"mask\.png: does not decode as an image",
+    ),
+    "mask of zeros and ones": (
+        lambda f: cv2.imwrite(str(f / "mask.png"), np.ones((32, 64), np.uint8)),
+        r"mask\.png: all black, expected white where",
+    ),
     "floor plan": (
         lambda f: (f / "floorplan.csv").write_text("0,0,1,1\n0,0,1\n"),
         r"floorplan\.csv:2: 3 columns, expected 4: x1,y1,x2,y2",
@@ -306,6 +321,10 @@ def test_dataset_checks_its_parts():
         Dataset(**(good | {"stamps": [np.nan]}))
     with pytest.raises(ValueError, match="floor_plan"):
         Dataset(**good, floor_plan=np.zeros((2, 4)))
+    with pytest.raises(ValueError, match=r"mask: expected shape \(32, 64\), got \(64, 32\)"):
+        Dataset(**good, mask=np.ones((64, 32)))
+    with pytest.raises(ValueError, match="mask: no pixel to use"):
+        Dataset(**good, mask=np.zeros((32, 64)))
     with pytest.raises(ValueError, match="has no odometry"):
         Dataset(**good).odometry_between(0, 0)
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pflut.camera.base import Camera
 from pflut.camera.equirectangular import EquirectangularPanorama
+from pflut.camera.mount import Mount
 from pflut.geometry import TWO_PI
 
 
@@ -112,8 +113,8 @@ def default_panorama(camera: Camera, *, width: int = 1024) -> EquirectangularPan
     Returns
     -------
     EquirectangularPanorama
-        Square pixels; its vertical field is the widest run of elevations at which the camera
-        sees at least 95 % of all azimuths.
+        Square pixels, as high above the floor as the camera; its vertical field is the widest run
+        of elevations at which the camera sees at least 95 % of all azimuths.
 
     Raises
     ------
@@ -137,4 +138,10 @@ def default_panorama(camera: Camera, *, width: int = 1024) -> EquirectangularPan
     high = np.pi / 2 - starts[longest] * step
     low = np.pi / 2 - ends[longest] * step
     height = max(1, round(width * (high - low) / TWO_PI))
-    return EquirectangularPanorama(width, height, max(low, -np.pi / 2), min(high, np.pi / 2))
+    return EquirectangularPanorama(
+        width,
+        height,
+        max(low, -np.pi / 2),
+        min(high, np.pi / 2),
+        mount=Mount(height=camera.mount.height),
+    )

@@ -1,4 +1,4 @@
-"""``pflut dataset``: describe a dataset, render a simulated home into a folder."""
+"""``pflut dataset``: describe a dataset, render a simulated home, unwrap a folder."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from pflut.cli.arguments import Subparsers, add_dataset, add_references, add_ver
 
 
 def add_parser(verbs: Subparsers) -> None:
-    """Add the verb and its two actions."""
+    """Add the verb and its actions."""
     parser = add_verb(
         verbs,
         "dataset",
-        "describe a dataset (info), or render a simulated home into a folder (render)",
-        usage="{info,render} ...",
+        "describe a dataset (info), render a simulated home into a folder (render), or unwrap a\n"
+        "folder of mirror or fisheye images to panoramas (unwrap)",
+        usage="{info,render,unwrap} ...",
     )
     actions = parser.add_subparsers(
         title="actions", metavar="ACTION", required=True, prog=parser.prog
@@ -66,6 +67,26 @@ def add_parser(verbs: Subparsers) -> None:
     )
     render.add_argument("--threads", metavar="N", type=positive, help="(default: all cores)")
     render.set_defaults(run=run_render, parser=render)
+    unwrap = add_verb(
+        actions,
+        "unwrap",
+        "unwrap a folder of mirror or fisheye images to a new folder of panoramas",
+        usage="[options] IN OUT",
+        details="OUT becomes a folder dataset with the panoramas' camera.toml and a mask.png of "
+        "what the\ncamera saw. Poses, references, floor plan and settings are carried along.",
+        examples="  pflut dataset unwrap drive/ panoramas/\n"
+        "  pflut dataset unwrap drive/ panoramas/ --width 2048\n",
+    )
+    unwrap.add_argument("source", metavar="IN", type=Path, help="a folder dataset")
+    unwrap.add_argument("out", metavar="OUT", type=Path, help="the folder to create")
+    unwrap.add_argument(
+        "--width",
+        metavar="N",
+        type=positive,
+        default=1024,
+        help="of the panoramas in pixels (default: %(default)s)",
+    )
+    unwrap.set_defaults(run=run_unwrap, parser=unwrap)
 
 
 def run_info(arguments: argparse.Namespace) -> None:
@@ -109,6 +130,8 @@ def run_info(arguments: argparse.Namespace) -> None:
     if dataset.mask_elevation is not None:
         limits = np.degrees(dataset.mask_elevation)
         rows.append(("mask", f"features from {limits[0]:.1f} to {limits[1]:.1f} deg of elevation"))
+    if dataset.mask is not None:
+        rows.append(("mask.png", f"{100.0 * dataset.mask.mean():.1f} % of the pixels are used"))
     for name, text in rows:
         print(f"{name:<12}{text}")
 
@@ -133,3 +156,16 @@ def run_render(arguments: argparse.Namespace) -> None:
             progress=bars.stage("rendering"),
         )
     print(f"{out}: rendered; replay it with: pflut replay {out}")
+
+
+def run_unwrap(arguments: argparse.Namespace) -> None:
+    """Unwrap a folder."""
+    from pflut.cli.progress import Bars
+    from pflut.datasets.unwrap import unwrap_folder
+
+    out: Path = arguments.out
+    with Bars() as bars:
+        unwrap_folder(
+            arguments.source, out, width=arguments.width, progress=bars.stage("unwrapping")
+        )
+    print(f"{out}: unwrapped; replay it with: pflut replay {out}")

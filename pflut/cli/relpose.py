@@ -106,17 +106,20 @@ def run(arguments: argparse.Namespace) -> None:
     with Bars() as bars:
         truth = None
         if arguments.camera is not None:
-            camera, mask = load_camera(arguments.camera), None
+            camera, mask, mask_elevation = load_camera(arguments.camera), None, None
             paths = [Path(arguments.a), Path(arguments.b)]
         else:
             dataset = load(arguments.dataset, None, progress=bars)
-            camera, mask = dataset.camera, dataset.mask_elevation
+            camera, mask = dataset.camera, dataset.mask
+            mask_elevation = dataset.mask_elevation
             indices = [_index(dataset, name) for name in (arguments.a, arguments.b)]
             paths = [dataset.image_paths[i] for i in indices]
             if dataset.ground_truth is not None:
                 truth = relative_headings(*dataset.ground_truth[indices])
         table = load_table(arguments.table, camera_bins(camera), progress=bars)
-    extractor = FeatureExtractor(camera, detector=arguments.detector, mask_elevation=mask)
+    extractor = FeatureExtractor(
+        camera, detector=arguments.detector, mask_elevation=mask_elevation, mask=mask
+    )
     images = [read_image(path) for path in paths]
     features = []
     for path, image in zip(paths, images, strict=True):

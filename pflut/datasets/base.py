@@ -49,12 +49,14 @@ class Dataset:
     mask_elevation : (float, float), optional
         The lowest and the highest elevation in radians that show the world and not the robot or
         its tripod.
+    mask : ndarray of shape (height, width), optional
+        True (or not zero) at the pixels of every image that show the world; kept as bool.
 
     Raises
     ------
     ValueError
-        If the shapes do not fit each other, the stamps do not increase, an index is none, or a
-        reference has no ground truth.
+        If the shapes do not fit each other, the stamps do not increase, an index is none, the
+        mask leaves nothing, or a reference has no ground truth.
     """
 
     name: str
@@ -67,6 +69,7 @@ class Dataset:
     query_indices: IndexArray = field(default_factory=_no_indices)
     floor_plan: FloatArray | None = None
     mask_elevation: tuple[float, float] | None = None
+    mask: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         n = len(self.image_paths)
@@ -84,6 +87,13 @@ class Dataset:
             self._set_array(name, shape)
         if self.floor_plan is not None:
             self._set_array("floor_plan", (len(self.floor_plan), 2, 2))
+        if self.mask is not None:
+            size = (self.camera.height, self.camera.width)
+            if np.shape(self.mask) != size:
+                raise ValueError(f"mask: expected shape {size}, got {np.shape(self.mask)}")
+            object.__setattr__(self, "mask", np.asarray(self.mask) != 0)
+            if not np.any(self.mask):
+                raise ValueError("mask: no pixel to use, expected some that are not zero")
         for name in ("reference_indices", "query_indices"):
             indices = np.ascontiguousarray(getattr(self, name), dtype=np.intp)
             if indices.ndim != 1 or ((indices < 0) | (indices >= n)).any():

@@ -3,7 +3,8 @@
 ``camera.toml`` and ``images/`` are needed, and ``groundtruth.tum`` or ``odometry.tum``. Optional
 are ``images.txt`` (lines of ``stamp images/name.png``; without it the stem of an image's name is
 its stamp), ``references.txt`` (image names, one a line), ``floorplan.csv`` (walls, ``x1,y1,x2,y2``
-in metres) and ``dataset.toml`` (``name``, ``mask_elevation_deg``).
+in metres), ``mask.png`` (white where the images show the world, black what to ignore) and
+``dataset.toml`` (``name``, ``mask_elevation_deg``).
 """
 
 from __future__ import annotations
@@ -75,15 +76,17 @@ def load_folder(
             f"{folder}: no poses, expected groundtruth.tum or odometry.tum (or both)"
         )
     settings = _read_settings(folder / "dataset.toml")
+    camera = load_camera(folder / "camera.toml")
     dataset = Dataset(
         name=settings.get("name", folder.resolve().name),
-        camera=load_camera(folder / "camera.toml"),
+        camera=camera,
         stamps=stamps,
         image_paths=image_paths,
         ground_truth=ground_truth,
         odometry=odometry,
         floor_plan=_read_floor_plan(folder / "floorplan.csv"),
         mask_elevation=settings.get("mask_elevation_deg"),
+        mask=_read_mask(folder / "mask.png", camera),
     )
     if references is None:
         listed = folder / "references.txt"
@@ -102,6 +105,7 @@ def write_folder(
     reference_indices: ArrayLike | None = None,
     floor_plan: ArrayLike | None = None,
     mask_elevation: tuple[float, float] | None = None,
+    mask: ArrayLike | None = None,
     name: str | None = None,
     suffix: str = ".png",
     progress: Callable[[int, int], None] | None = None,
@@ -129,6 +133,8 @@ def write_folder(
         Wall segments, metres.
     mask_elevation : (float, float), optional
         Radians, see `Dataset`.
+    mask : array_like of shape (height, width), optional
+        Zero (or False) at the pixels to ignore.
     name : str, optional
         The folder's name if not given.
     suffix : {".png", ".jpg", ".jpeg"}
@@ -168,6 +174,7 @@ def write_folder(
         ),
         floor_plan=None if floor_plan is None else np.asarray(floor_plan, dtype=np.float64),
         mask_elevation=mask_elevation,
+        mask=None if mask is None else np.asarray(mask) != 0,
     )
     if dataset.ground_truth is None and dataset.odometry is None:
         raise ValueError("ground_truth, odometry: expected one of them or both")
@@ -176,6 +183,8 @@ def write_folder(
     (staging / "images").mkdir(parents=True)
     try:
         _write_images(staging / "images", dataset, images, progress)
+        if dataset.mask is not None:
+            _write_image(staging / "mask.png", np.where(dataset.mask, 255, 0).astype(np.uint8))
         _write_texts(staging, dataset, listed=reference_indices is not None)
         if target.is_dir():
             target.rmdir()
@@ -191,8 +200,6 @@ def _write_images(
     images: Iterable[NDArray[np.uint8]],
     progress: Callable[[int, int], None] | None,
 ) -> None:
-    import cv2
-
     size = (dataset.camera.height, dataset.camera.width)
     written = 0
     for image in images:
@@ -203,16 +210,21 @@ def _write_images(
                 f"images: image {written} is {image.dtype} of shape {image.shape}, expected "
                 f"uint8 of shape {size}"
             )
-        path = folder / dataset.image_paths[written]
-        ok, encoded = cv2.imencode(path.suffix, image)
-        if not ok:
-            raise ValueError(f"images: image {written} cannot be encoded as {path.suffix}")
-        path.write_bytes(encoded.tobytes())
+        _write_image(folder / dataset.image_paths[written], image)
         written += 1
         if progress is not None:
             progress(written, len(dataset))
     if written != len(dataset):
         raise ValueError(f"images: only {written} for {len(dataset)} stamps")
+
+
+def _write_image(path: Path, image: NDArray[np.uint8]) -> None:
+    import cv2
+
+    ok, encoded = cv2.imencode(path.suffix, image)
+    if not ok:
+        raise ValueError(f"{path.name}: cannot be encoded as {path.suffix}")
+    path.write_bytes(encoded.tobytes())
 
 
 def _write_texts(folder: Path, dataset: Dataset, *, listed: bool) -> None:
@@ -311,6 +323,24 @@ def _read_floor_plan(path: Path) -> FloatArray | None:
         return None
     walls, _ = read_table(path, 4, "x1,y1,x2,y2", separator=",")
     return walls.reshape(-1, 2, 2)
+
+
+def _read_mask(path: Path, camera: Camera) -> NDArray[np.bool_] | None:
+    """Read mask.png: the lighter half of the gray values is white."""
+    if not path.is_file():
+        return None
+    from pflut.features.image import read_image
+
+    image = read_image(path)
+    if image.shape != (camera.height, camera.width):
+        raise ValueError(
+            f"{path}: {image.shape[1]} x {image.shape[0]} pixels, expected the camera's "
+            f"{camera.width} x {camera.height}"
+        )
+    mask = image >= 128
+    if not mask.any():
+        raise ValueError(f"{path}: all black, expected white where the images show the world")
+    return np.asarray(mask)
 
 
 def _read_settings(path: Path) -> dict[str, Any]:

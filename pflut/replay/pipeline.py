@@ -179,6 +179,7 @@ def make_extractor(dataset: Dataset, options: ReplayOptions) -> FeatureExtractor
         contrast_threshold=options.contrast_threshold,
         max_features=options.max_features,
         mask_elevation=dataset.mask_elevation,
+        mask=dataset.mask,
     )
 
 
