@@ -132,7 +132,7 @@ class ReplayOptions:
     )
     bins: int | None = _option(
         None,
-        "of the likelihood table (default: 128 for panoramas, 256 for sharper, narrow cameras)",
+        "of the likelihood table (default: 128, or 256 for cameras below 0.002 rad a pixel)",
         "sensor model",
         "[4, 512]",
         type=int,

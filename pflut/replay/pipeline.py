@@ -11,7 +11,7 @@ import numpy as np
 from pflut.camera.base import Camera
 from pflut.datasets.base import Dataset
 from pflut.features import FeatureCache, FeatureExtractor
-from pflut.geometry import FloatArray
+from pflut.geometry import FloatArray, bearing_vectors
 from pflut.likelihood.table import LikelihoodTable
 from pflut.localization.localizer import Localizer, Step
 from pflut.localization.motion import DifferentialDrive, Omnidirectional
@@ -30,8 +30,9 @@ Progress = Callable[[str, int, int], None]
 #: The number under which the particles before the first step are kept.
 START = -1
 
-PANORAMA_BINS = 128
-NARROW_BINS = 256
+COMMON_BINS = 128
+SHARP_BINS = 256
+SHARP_PIXEL = 0.002
 
 
 def replay_dataset(
@@ -163,12 +164,18 @@ def make_table(bins: int, *, progress: Progress | None = None) -> LikelihoodTabl
 
 
 def camera_bins(camera: Camera) -> int:
-    """Give the bins of a table that suit a camera.
+    """Give the bins of a table that suit a camera: more where its bearings are sharp.
 
-    A camera that sees less than the whole circle has more pixels a degree: its bearings, and the
-    headings that follow from them, are sharper than a panorama's.
+    Sharp is a camera with less than 0.002 rad a pixel, in the median over its image: perspective
+    cameras mostly, panoramas from some 3,000 columns on.
     """
-    return PANORAMA_BINS if camera.horizontally_periodic else NARROW_BINS
+    u, v = np.meshgrid(np.linspace(0, camera.width - 2, 24), np.linspace(0, camera.height - 1, 24))
+    pixels = np.stack([u.ravel(), v.ravel()], axis=1)
+    here = bearing_vectors(*camera.bearings(pixels))
+    beside = bearing_vectors(*camera.bearings(pixels + np.array([1.0, 0.0])))
+    angles = np.linalg.norm(here - beside, axis=1)
+    seen = angles[np.isfinite(angles)]
+    return SHARP_BINS if seen.size and np.median(seen) < SHARP_PIXEL else COMMON_BINS
 
 
 def make_extractor(dataset: Dataset, options: ReplayOptions) -> FeatureExtractor:
