@@ -330,7 +330,7 @@ class ReferenceMap:
         FileNotFoundError
             If there is no such file.
         """
-        stored = read_arrays(path, FORMAT)
+        stored = read_arrays(path, "reference map")
         if str(stored.get("format")) != FORMAT:
             raise ValueError(f"{path}: not a {FORMAT}")
         if str(stored.get("version")) != str(VERSION):

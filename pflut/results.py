@@ -24,9 +24,28 @@ from pflut.geometry import FloatArray
 from pflut.replay.result import ReplayResult, ReplayStep
 from pflut.trajectory import Trajectory, write_tum
 
+_FILES = (
+    "poses.tum",
+    "groundtruth.tum",
+    "odometry.tum",
+    "steps.csv",
+    "metrics.json",
+    "timings.json",
+    "figures/trajectory.png",
+    "figures/errors.png",
+    "figures/confidence.png",
+    "figures/posterior.png",
+    "figures/particles.gif",
+    "run.json",  # the last: what removes them all knows a run's folder by it
+)
+
 
 def create_results_folder(
-    path: str | os.PathLike[str] | None, name: str, *, overwrite: bool = False
+    path: str | os.PathLike[str] | None,
+    name: str,
+    *,
+    overwrite: bool = False,
+    expected: str = "a new folder",
 ) -> Path:
     """Create the folder of a run.
 
@@ -38,6 +57,8 @@ def create_results_folder(
         Of the dataset; what no file name should hold becomes ``-``.
     overwrite : bool
         Whether ``path`` may hold something already; files of the same names are replaced.
+    expected : str
+        What the error message says that is expected instead of a folder that holds something.
 
     Returns
     -------
@@ -60,9 +81,29 @@ def create_results_folder(
     else:
         folder = Path(path)
         if not overwrite and folder.is_dir() and any(folder.iterdir()):
-            raise FileExistsError(f"{folder}: holds something already, expected a new folder")
+            raise FileExistsError(f"{folder}: holds something already, expected {expected}")
     folder.mkdir(parents=True, exist_ok=True)
     return folder
+
+
+def remove_results(folder: Path) -> None:
+    """Delete the files of a former replay from its folder, and nothing else.
+
+    A new run that is interrupted would otherwise leave its poses beside the figures of another.
+    A folder without ``run.json`` is no former replay's: nothing is deleted.
+
+    Parameters
+    ----------
+    folder : Path
+        Need not hold any.
+    """
+    if not (folder / "run.json").is_file():
+        return
+    for name in _FILES:
+        (folder / name).unlink(missing_ok=True)
+    figures = folder / "figures"
+    if figures.is_dir() and not any(figures.iterdir()):
+        figures.rmdir()
 
 
 class StepsWriter:

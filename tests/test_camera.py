@@ -233,8 +233,13 @@ def test_file_by_hand(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "key", "wanted"),
     [
-        (PINHOLE + "fokal = 3\n", "fokal", "allowed: width, height, fx"),
-        (PINHOLE + "[mount]\npitch = 3\n", "mount.pitch", "mount.pitch_deg"),
+        (PINHOLE + "fokal = 3\n", "fokal", "allowed: model, width, height, fx"),
+        (PINHOLE + "fokal = 3\n", "fokal", ", [mount])"),
+        (
+            PINHOLE + "[mount]\npitch = 3\n",
+            "mount.pitch",
+            "(allowed: mount.yaw_deg, mount.pitch_deg",
+        ),
         (PINHOLE.replace("fx = 500\n", ""), "fx", "missing key"),
         (PINHOLE.replace("500", "nan"), "fx", "finite"),
         (PINHOLE.replace("500", "inf"), "fx", "finite"),

@@ -19,13 +19,16 @@ import pytest
 
 from pflut import __version__
 from pflut.cli import main
+from pflut.cli.progress import Bars
 from pflut.datasets import load_folder
 from pflut.features import FeatureExtractor, match_indices
 from pflut.likelihood import storage
 from pflut.likelihood.table import LikelihoodTable
+from pflut.replay import seeds
 from pflut.trajectory import read_tum
 
 COMMAND = (sys.executable, "-c", "import sys; from pflut.cli import main; sys.exit(main())")
+NO_TABLE = "not a likelihood table of pflut, or damaged"
 FAST = ("--no-figures", "--particles", "1000", "--bins", "32")
 
 
@@ -74,7 +77,7 @@ def refused(outcome: Outcome, *words: str) -> None:
     lines = outcome.err.strip().splitlines()
     assert len(lines) == 1 and lines[0].startswith("pflut: error: "), outcome.err
     for word in words:
-        assert word in lines[0]
+        assert word in outcome.err
 
 
 # --- replay ------------------------------------------------------------------------------------
@@ -167,17 +170,48 @@ def test_replay_with_a_table_of_its_own(
     run: Run, room_folder: Path, small_table: LikelihoodTable
 ) -> None:
     small_table.save("table.npz")
-    outcome = run("replay", room_folder, "--no-figures", "--table", "table.npz", "--max-images", 1)
-    assert outcome.code == 0
+    wanted = ("replay", room_folder, "--no-figures", "--max-images", 1, "--output", "out")
+    outcome = run(*wanted, "--table", "table.npz", "--bins", 64)
+    assert outcome.code == 2 and not Path("out").exists()
+    assert "argument --bins: not allowed with argument --table" in outcome.err
+    assert run(*wanted, "--table", "table.npz").code == 0
+    record = json.loads(Path("out/run.json").read_text())
+    assert record["table"]["file"] == "table.npz" and record["table"]["bins"] == 32
+    assert record["table"]["learned_from"] == small_table.learned_from
+    assert run(*wanted, "--overwrite", "--bins", 32).code == 0
+    record = json.loads(Path("out/run.json").read_text())
+    assert record["table"]["file"] == "default" and record["table"]["bins"] == 32
 
 
 def test_replay_leaves_results_alone_unless_told(run: Run, room_folder: Path) -> None:
     Path("out").mkdir()
     Path("out/precious").touch()
     wanted = ("replay", room_folder, *FAST, "--max-images", 1, "--output", "out")
-    refused(run(*wanted), "out: holds something already")
+    refused(run(*wanted), "out: holds something already, expected a new folder or --overwrite")
     assert run(*wanted, "--overwrite").code == 0
     assert Path("out/precious").is_file()
+
+
+def test_overwriting_leaves_nothing_of_the_former_replay(
+    run: Run, room_folder: Path, copied: Path
+) -> None:
+    wanted = ("--bins", 32, "--particles", 500, "--max-images", 2, "--output", "out")
+    assert run("replay", room_folder, *wanted, "--animate").code == 0
+    assert Path("out/figures/particles.gif").is_file()
+    Path("out/figures/mine.png").touch()
+    truth = copied / "groundtruth.tum"
+    truth.write_text("\n".join(truth.read_text().splitlines()[:13]) + "\n")  # the references'
+    assert run("replay", copied, *wanted, "--no-figures", "--overwrite").code == 0
+    files = {path.name for path in Path("out").rglob("*") if path.is_file()}
+    kept = {"poses.tum", "steps.csv", "metrics.json", "timings.json", "run.json", "mine.png"}
+    assert files == kept
+
+
+def test_results_do_not_replace_the_dataset(run: Run, copied: Path) -> None:
+    before = (copied / "groundtruth.tum").read_bytes()
+    outcome = run("replay", copied, *FAST, "--max-images", 1, "--output", copied, "--overwrite")
+    assert outcome.code == 2 and "expected another folder than the dataset's" in outcome.err
+    assert (copied / "groundtruth.tum").read_bytes() == before
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for a child")
@@ -198,8 +232,13 @@ def test_interrupted_replay_keeps_its_steps(room_folder: Path) -> None:
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert err.decode().strip() == "pflut: interrupted: what was done is kept in out/steps.csv"
     rows = list(csv.DictReader(steps.read_text().splitlines()))
+    assert err.decode().strip() == f"pflut: interrupted: images done: {len(rows)}, kept in out"
+    poses = read_tum("out/poses.tum")
+    np.testing.assert_allclose(poses.stamps, [float(row["stamp"]) for row in rows])
+    np.testing.assert_allclose(poses.poses[:, 0], [float(row["x_m"]) for row in rows], rtol=1e-8)
+    for name in ("groundtruth.tum", "odometry.tum"):
+        assert len(read_tum(f"out/{name}")) == len(rows)
     assert 2 <= len(rows) < 12 and all(float(row["error_m"]) >= 0.0 for row in rows)
     assert not json.loads(Path("out/run.json").read_text())["finished"]
 
@@ -221,6 +260,29 @@ def test_simulate_sums_up_and_goes_on(run: Run) -> None:
     assert json.loads(Path("out/metrics.json").read_text())["drives"] == 3
     assert Path("out/figures/drives.png").is_file()
     refused(run("simulate", "--seeds", 2, *wanted, "--temperature", "0.9"), "another temperature")
+
+
+def test_interrupted_simulate_counts_the_drives_that_are_kept(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A drive may be done, its file written, and not handed on yet."""
+
+    def drives(seeds: range, folder: Path, *_: object, **__: object) -> Iterator[None]:
+        (folder / "seed_0.json").touch()
+        try:
+            yield None
+        finally:  # what another process had at hand when it was stopped
+            (folder / "seed_2.json").touch()
+
+    def stop(_: Bars, stage: str, done: int, total: int) -> None:
+        if stage == "drives" and done == 1:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(seeds, "replay_seeds", drives)
+    monkeypatch.setattr(Bars, "__call__", stop)
+    outcome = run("simulate", "--seeds", 4, "--bins", 32, "--output", "out")
+    assert outcome.code == 130
+    assert "interrupted: 2 of 4 drives are kept in out; " in outcome.err
 
 
 def test_simulate_takes_no_foreign_folder(run: Run) -> None:
@@ -328,6 +390,39 @@ def test_lut_from_a_dataset(run: Run, room_folder: Path) -> None:
 )
 def test_lut_refuses(run: Run, arguments: tuple[str, ...], words: tuple[str, ...]) -> None:
     refused(run("lut", *arguments), *words)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (
+            ("--from-dataset", "x", "--samples", 5, "--noise", "0.5", "--mismatches", "simulated"),
+            "arguments --samples, --noise, --mismatches: not allowed with argument --from-dataset",
+        ),
+        (
+            ("--from-dataset", "x", "--seed", 0),
+            "argument --seed: not allowed with argument --from-dataset",
+        ),
+        (
+            ("--max-distance", 2, "--references", "all"),
+            "arguments --max-distance, --references: only allowed with argument --from-dataset",
+        ),
+    ],
+)
+def test_lut_build_refuses_what_it_would_ignore(
+    run: Run, arguments: tuple[object, ...], words: str
+) -> None:
+    outcome = run("lut", "build", "q.npz", *arguments)
+    assert outcome.code == 2 and words in outcome.err
+    assert outcome.err.startswith("usage: pflut lut build ")
+
+
+def test_lut_build_learns_the_default_table_by_default(run: Run) -> None:
+    assert run("lut", "build", "a.npz", "--bins", 8, "--samples", 1000).code == 0
+    default = LikelihoodTable.from_simulation(bins=8, num_samples=1000)
+    loaded = LikelihoodTable.load("a.npz")
+    assert loaded.learned_from == default.learned_from
+    np.testing.assert_array_equal(loaded.log_ratio, default.log_ratio)
 
 
 def test_dataset_info(run: Run, room_folder: Path, copied: Path) -> None:
@@ -465,6 +560,10 @@ def spoilt_tables(small_table: LikelihoodTable, monkeypatch: pytest.MonkeyPatch)
     data = Path("good.npz").read_bytes()
     Path("truncated.npz").write_bytes(data[: len(data) // 2])
     Path("empty.npz").write_bytes(b"")
+    Path("junk.npz").write_text("no table, and no archive")
+    with Path("array.npz").open("wb") as file:
+        np.save(file, np.zeros(3))
+    np.savez("objects.npz", format=np.array([{}], dtype=object))
     cells = small_table.log_ratio.copy()
     cells[3, 2, 1] = np.nan
     storage.write_table("nan.npz", cells, small_table.learned_from)
@@ -479,8 +578,10 @@ def spoilt_tables(small_table: LikelihoodTable, monkeypatch: pytest.MonkeyPatch)
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("truncated", ()),
-        ("empty", ()),
+        *(
+            (name, (f"error: {name}.npz: {NO_TABLE}\n",))
+            for name in ("truncated", "empty", "junk", "array", "objects")
+        ),
         ("nan", ("not finite",)),
         ("later", (f"version {storage.VERSION + 1}", f"expected {storage.VERSION}")),
         ("other", ("not a pflut likelihood table",)),
@@ -509,13 +610,19 @@ def test_spoilt_tables_are_refused_in_one_line(
         (("relpose", "0", "1", "--dataset", "{room}", "--ratio", "2"), ("ratio",)),
         (("relpose", "0", "1", "--dataset", "{room}", "--noise", "-1"), ("noise",)),
         (("relpose", "0", "1", "--dataset", "{room}", "--figure", "a.xyz"), ("a.xyz",)),
+        (
+            ("relpose", "0", "1", "--dataset", "{room}", "--figure", "nothere/a.png"),
+            ("nothere/a.png: its folder does not exist",),
+        ),
         (("dataset", "info", "nothere"), ("nothere",)),
     ],
 )
 def test_wrong_input_is_refused_in_one_line(
     run: Run, room_folder: Path, arguments: tuple[str, ...], words: tuple[str, ...]
 ) -> None:
-    refused(run(*(word.format(room=room_folder) for word in arguments)), *words)
+    outcome = run(*(word.format(room=room_folder) for word in arguments))
+    refused(outcome, *words)
+    assert outcome.out == ""  # told before the work, not after
 
 
 @pytest.mark.parametrize(
@@ -542,6 +649,14 @@ def test_wrong_usage_exits_with_2(run: Run, arguments: tuple[str, ...]) -> None:
     outcome = run(*arguments)
     assert outcome.code == 2
     assert outcome.err.startswith("usage: pflut") and "Traceback" not in outcome.err
+
+
+@pytest.mark.parametrize("verb", ["replay", "simulate", "lut build", "dataset info", "info"])
+def test_unknown_options_are_told_with_the_usage_of_their_verb(run: Run, verb: str) -> None:
+    needed = ("table.npz",) if verb == "lut build" else ()
+    outcome = run(*verb.split(), *needed, "--colour", "red")
+    assert outcome.code == 2 and outcome.err.startswith(f"usage: pflut {verb}")
+    assert f"pflut {verb}: error: unrecognized arguments: --colour" in outcome.err
 
 
 # --- help --------------------------------------------------------------------------------------

@@ -436,7 +436,10 @@ BAD_FILES = {
     "empty": ({"log_ratio": np.zeros((0, 4, 4), np.float32)}, r"\(R, B, B\)"),
     "origin that is no JSON": ({"learned_from": np.array("{")}, "learned_from"),
     "origin that is no object": ({"learned_from": np.array("[1]")}, "learned_from"),
-    "pickle inside": ({"learned_from": np.array([{"a": 1}], dtype=object)}, "pickle"),
+    "pickle inside": (
+        {"learned_from": np.array([{"a": 1}], dtype=object)},
+        "likelihood table of pflut, or damaged",
+    ),
 }
 
 

@@ -185,7 +185,7 @@ def stored(path: Path, reference_map: ReferenceMap, **changes) -> Path:
         ({"poses": np.full((6, 3), np.nan)}, "row 0 is not finite"),
         ({"poses": np.zeros((5, 3))}, "expected as many poses"),
         ({"azimuth": np.zeros(3)}, "numbers of features do not fit"),
-        ({"names": np.array([{}], dtype=object)}, "pickle"),
+        ({"names": np.array([{}], dtype=object)}, "reference map of pflut, or damaged"),
     ],
 )
 def test_a_bad_file_is_refused_by_name(

@@ -19,6 +19,7 @@ from pflut.replay import ReplayOptions, ReplayResult, replay_dataset
 from pflut.results import (
     StepsWriter,
     create_results_folder,
+    remove_results,
     run_record,
     write_results,
 )
@@ -128,6 +129,17 @@ def test_a_folder_that_holds_something_is_refused(tmp_path: Path) -> None:
         create_results_folder(tmp_path / "new", "x")
     assert create_results_folder(tmp_path / "new", "x", overwrite=True).is_dir()
     assert (tmp_path / "new" / "poses.tum").read_text() == "precious"
+
+
+def test_only_a_replays_own_files_are_removed(result: ReplayResult, tmp_path: Path) -> None:
+    write_results(tmp_path, result)
+    (tmp_path / "figures").mkdir()
+    remove_results(tmp_path)  # no run.json: it is not known whose files these are
+    assert (tmp_path / "poses.tum").is_file()
+    for name in ("run.json", "figures/errors.png", "notes.txt", "settings.json"):
+        (tmp_path / name).touch()
+    remove_results(tmp_path)
+    assert {path.name for path in tmp_path.rglob("*")} == {"notes.txt", "settings.json"}
 
 
 def test_json_that_is_none(tmp_path: Path) -> None:

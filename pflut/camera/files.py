@@ -112,7 +112,8 @@ def _parameters(cls: type[Any], table: Mapping[str, Any], prefix: str) -> dict[s
     declared = {_key(item): item for item in fields(cls) if item.name != "mount"}
     for key in table:
         if key not in declared:
-            allowed = ", ".join(prefix + name for name in declared)
+            names = [prefix + name for name in declared]
+            allowed = ", ".join(names if prefix else ["model", *names, "[mount]"])
             raise ValueError(f"unknown key {prefix + key!r} (allowed: {allowed})")
     parameters = {}
     for key, item in declared.items():

@@ -56,7 +56,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     int
         The exit code.
     """
-    arguments = make_parser().parse_args(argv)
+    arguments, unknown = make_parser().parse_known_args(argv)
+    if unknown:
+        # with the usage of the verb, not of pflut
+        arguments.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     # an image that does not decode is told by one line of ours, not by several of OpenCV's
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     try:

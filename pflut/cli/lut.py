@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pflut.cli.arguments import Subparsers, add_references, add_verb, natural, positive
 
@@ -23,6 +24,18 @@ _BUILD_EXAMPLES = """\
   pflut lut build tilted.npz --max-tilt-deg 14 --mismatch 0.6
   pflut lut build home.npz --from-dataset zind/ --bins 32     from real pairs
 """
+
+# what counts in one of the two ways to learn only; their arguments are None unless given
+_OF_SIMULATION: dict[str, Any] = {
+    "samples": 64_000_000,
+    "mismatch": 0.9,
+    "noise": 0.01,
+    "max_tilt_deg": 0.0,
+    "mismatches": "uniform",
+    "seed": 0,
+    "threads": None,
+}
+_OF_PAIRS: dict[str, Any] = {"max_distance": 3.0, "references": None}
 
 
 def add_parser(verbs: Subparsers) -> None:
@@ -55,40 +68,35 @@ def add_parser(verbs: Subparsers) -> None:
         "--samples",
         metavar="N",
         type=positive,
-        default=64_000_000,
-        help="simulated correspondences (default: %(default)s)",
+        help=f"simulated correspondences (default: {_OF_SIMULATION['samples']})",
     )
     build.add_argument(
         "--mismatch",
         metavar="SHARE",
         type=float,
-        default=0.9,
-        help="of mismatches among them (default: %(default)s)",
+        help=f"of mismatches among them (default: {_OF_SIMULATION['mismatch']})",
     )
     build.add_argument(
         "--noise",
         metavar="RADIANS",
         type=float,
-        default=0.01,
-        help="of the bearings, standard deviation (default: %(default)s)",
+        help=f"of the bearings, standard deviation (default: {_OF_SIMULATION['noise']})",
     )
     build.add_argument(
         "--max-tilt-deg",
         metavar="X",
         type=float,
-        default=0.0,
-        help="degrees of random roll and pitch of one view (default: %(default)s; "
-        "the paper's LUT rot: 14.3)",
+        help="degrees of random roll and pitch of one view "
+        f"(default: {_OF_SIMULATION['max_tilt_deg']}; the paper's LUT rot: 14.3)",
     )
     build.add_argument(
         "--mismatches",
         choices=("uniform", "simulated"),
-        default="uniform",
         help="how mismatches enter: uniform azimuths, or simulated as in the paper "
-        "(default: %(default)s)",
+        f"(default: {_OF_SIMULATION['mismatches']})",
     )
     build.add_argument(
-        "--seed", metavar="N", type=natural, default=0, help="(default: %(default)s)"
+        "--seed", metavar="N", type=natural, help=f"(default: {_OF_SIMULATION['seed']})"
     )
     build.add_argument("--threads", metavar="N", type=positive, help="(default: all cores)")
     build.add_argument(
@@ -100,8 +108,7 @@ def add_parser(verbs: Subparsers) -> None:
         "--max-distance",
         metavar="METRES",
         type=float,
-        default=3.0,
-        help="between the images of a pair (default: %(default)s)",
+        help=f"between the images of a pair (default: {_OF_PAIRS['max_distance']})",
     )
     add_references(build)
     build.set_defaults(run=run_build, parser=build)
@@ -128,6 +135,13 @@ def run_build(arguments: argparse.Namespace) -> None:
 
     from pflut.cli.progress import Bars
 
+    if arguments.from_dataset is None:
+        _refuse(arguments, _OF_PAIRS, "only allowed with argument --from-dataset")
+    else:
+        _refuse(arguments, _OF_SIMULATION, "not allowed with argument --from-dataset")
+    for name, value in (_OF_SIMULATION | _OF_PAIRS).items():
+        if getattr(arguments, name) is None:
+            setattr(arguments, name, value)
     # before minutes of work, not after
     if arguments.out.suffix != ".npz":
         raise ValueError(f"{arguments.out}: expected a name that ends in .npz")
@@ -213,6 +227,16 @@ def _from_dataset(arguments: argparse.Namespace, bars: Bars) -> LikelihoodTable:
         bins=arguments.bins or 32,
         source=f"{dataset.name}, pairs within {arguments.max_distance:g} m",
     )
+
+
+def _refuse(arguments: argparse.Namespace, names: Iterable[str], why: str) -> None:
+    """End as wrong usage where an argument was given that would be ignored."""
+    given = [
+        f"--{name.replace('_', '-')}" for name in names if getattr(arguments, name) is not None
+    ]
+    if given:
+        parser: argparse.ArgumentParser = arguments.parser
+        parser.error(f"argument{'s' * (len(given) > 1)} {', '.join(given)}: {why}")
 
 
 def _flat(learned_from: dict[str, object]) -> list[tuple[str, object]]:

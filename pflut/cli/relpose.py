@@ -103,6 +103,10 @@ def run(arguments: argparse.Namespace) -> None:
     from pflut.relpose.estimate import estimate_relative_pose
     from pflut.replay.pipeline import camera_bins
 
+    if arguments.figure is not None:
+        from pflut.plot.style import check_figure_path
+
+        check_figure_path(arguments.figure)
     with Bars() as bars:
         truth = None
         if arguments.camera is not None:

@@ -26,7 +26,8 @@ has no odometry (a home of ZInD) is localized image by image, leaving each one o
 Where odometry is missing it is simulated from the ground truth, and the output says so.
 
 Results: poses.tum, groundtruth.tum, odometry.tum (from the true start, for comparison), steps.csv
-(a row an image, written as the replay goes), metrics.json, timings.json, run.json, figures/.
+(a row an image, written as the replay goes), metrics.json, timings.json, run.json, figures/. An
+interrupted replay leaves the steps and trajectories of the images that were done.
 The same seed gives the same poses.tum and metrics.json."""
 
 _EXAMPLES = """\
@@ -78,7 +79,10 @@ def add_parser(verbs: Subparsers) -> None:
         help="folder of the results (default: results/<date>_<time>_<dataset>)",
     )
     parser.add_argument(
-        "--overwrite", action="store_true", help="let --output be a folder that holds files"
+        "--overwrite",
+        action="store_true",
+        help="let --output be a folder that holds files: the results of a former replay are "
+        "deleted, other files stay",
     )
     parser.add_argument(
         "--animate", action="store_true", help="write figures/particles.gif as well"
@@ -92,6 +96,11 @@ def add_parser(verbs: Subparsers) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Replay, write the results and print a table."""
     options = replay_options(arguments)
+    parser: argparse.ArgumentParser = arguments.parser
+    if arguments.table is not None and options.bins is not None:
+        parser.error("argument --bins: not allowed with argument --table")
+    if arguments.output is not None and _same_folder(arguments.output, arguments.dataset):
+        parser.error("argument --output: expected another folder than the dataset's")
 
     from pflut._files import write_json
     from pflut.cli.loading import load
@@ -101,11 +110,14 @@ def run(arguments: argparse.Namespace) -> None:
     from pflut.replay.figures import SHOWN_STEPS, animate, draw_figures
     from pflut.replay.pipeline import camera_bins, make_table, replay_dataset
     from pflut.replay.prepare import prepare_dataset
+    from pflut.replay.result import ReplayResult, ReplayStep
     from pflut.results import (
         StepsWriter,
         create_results_folder,
+        remove_results,
         run_record,
         write_results,
+        write_trajectories,
     )
 
     how = {
@@ -120,8 +132,12 @@ def run(arguments: argparse.Namespace) -> None:
         for note in plan.notes:
             print(f"note: {note}")
         folder = create_results_folder(
-            arguments.output, dataset.name, overwrite=arguments.overwrite
+            arguments.output,
+            dataset.name,
+            overwrite=arguments.overwrite,
+            expected="a new folder or --overwrite",
         )
+        remove_results(folder)
         record = run_record(
             command_line(),
             dataset=dataset.name,
@@ -130,10 +146,21 @@ def run(arguments: argparse.Namespace) -> None:
             options=options.as_dict(),
             seed=options.seed,
         )
-        write_json(folder / "run.json", {**record, "finished": False})
         if table is None:
             table = make_table(options.bins or camera_bins(dataset.camera), progress=bars)
+        record["table"] = {
+            "file": "default" if arguments.table is None else str(arguments.table),
+            "bins": table.bins,
+            "learned_from": table.learned_from,
+        }
+        write_json(folder / "run.json", {**record, "finished": False})
+        done: list[ReplayStep] = []
         with StepsWriter(folder / "steps.csv") as writer:
+
+            def keep(number: int, step: ReplayStep) -> None:
+                writer.add(number, step)
+                done.append(step)
+
             try:
                 result = replay_dataset(
                     dataset,
@@ -142,13 +169,16 @@ def run(arguments: argparse.Namespace) -> None:
                     table=table,
                     cache=feature_cache(arguments),
                     keep_particles=range(-1, len(dataset)) if arguments.animate else SHOWN_STEPS,
-                    on_step=writer.add,
+                    on_step=keep,
                     progress=bars,
                 )
             except KeyboardInterrupt:
-                raise KeyboardInterrupt(
-                    f"what was done is kept in {folder / 'steps.csv'}"
-                ) from None
+                if done:
+                    write_trajectories(
+                        folder,
+                        ReplayResult(plan.dataset, options, plan.each_on_its_own, tuple(done)),
+                    )
+                raise KeyboardInterrupt(f"images done: {len(done)}, kept in {folder}") from None
         write_results(folder, result)
         if not arguments.no_figures:
             draw_figures(folder / "figures", result, table)
@@ -158,3 +188,8 @@ def run(arguments: argparse.Namespace) -> None:
         write_json(folder / "run.json", {**record, "finished": True})
     print(replay_report(result))
     print(f"results: {folder}")
+
+
+def _same_folder(output: Path, dataset: str) -> bool:
+    """Whether the results would go among, and replace, the files of the dataset."""
+    return output.is_dir() and Path(dataset).is_dir() and output.samefile(dataset)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import closing
 from pathlib import Path
 
 from pflut.cli.arguments import (
@@ -114,7 +115,7 @@ def run(arguments: argparse.Namespace) -> None:
     from pflut.cli.progress import Bars
     from pflut.likelihood.learning import available_cores
     from pflut.replay.pipeline import PANORAMA_BINS
-    from pflut.replay.seeds import replay_seeds, summarize_seeds
+    from pflut.replay.seeds import drive_file, replay_seeds, summarize_seeds
     from pflut.results import create_results_folder, run_record
 
     begun = arguments.output is not None and (arguments.output / "settings.json").is_file()
@@ -127,22 +128,28 @@ def run(arguments: argparse.Namespace) -> None:
         )  # once, before the processes start
         try:
             bars("drives", 0, len(arguments.seeds))
-            for drive in replay_seeds(
-                arguments.seeds,
-                folder,
-                options,
-                jobs=arguments.jobs or available_cores(),
-                home_seed=arguments.home_seed,
-                people=arguments.people,
-                motion_blur=arguments.motion_blur,
-                max_images=arguments.max_images,
-                cached=not arguments.no_cache,
-            ):
-                runs.append(drive)
-                bars("drives", len(runs), len(arguments.seeds))
+            # closed, so that no process goes on while the drives are counted
+            with closing(
+                replay_seeds(
+                    arguments.seeds,
+                    folder,
+                    options,
+                    jobs=arguments.jobs or available_cores(),
+                    home_seed=arguments.home_seed,
+                    people=arguments.people,
+                    motion_blur=arguments.motion_blur,
+                    max_images=arguments.max_images,
+                    cached=not arguments.no_cache,
+                )
+            ) as drives:
+                for drive in drives:
+                    runs.append(drive)
+                    bars("drives", len(runs), len(arguments.seeds))
         except KeyboardInterrupt:
+            # a drive is kept before it is handed on: the files count
+            kept = sum(drive_file(folder, seed).is_file() for seed in arguments.seeds)
             raise KeyboardInterrupt(
-                f"{len(runs)} of {len(arguments.seeds)} drives are kept in {folder}; the same "
+                f"{kept} of {len(arguments.seeds)} drives are kept in {folder}; the same "
                 f"command with --output {folder} goes on"
             ) from None
     runs.sort(key=lambda drive: drive.seed)

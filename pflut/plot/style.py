@@ -7,6 +7,7 @@ from pathlib import Path
 
 from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
 
 from pflut._files import replacing
@@ -32,6 +33,23 @@ def tidy(axes: Axes, *, grid: bool = True) -> None:
         axes.set_axisbelow(True)
 
 
+def check_figure_path(path: str | os.PathLike[str]) -> None:
+    """Refuse a path that no figure can be written to, before the work of drawing one.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is no format that Matplotlib writes.
+    FileNotFoundError
+        If the folder does not exist.
+    """
+    known = FigureCanvasBase.get_supported_filetypes()
+    if Path(path).suffix.removeprefix(".").lower() not in known:
+        raise ValueError(f"{path}: no format for figures, expected one of {', '.join(known)}")
+    if not Path(path).parent.is_dir():
+        raise FileNotFoundError(f"{path}: its folder does not exist")
+
+
 def save_figure(figure: Figure, path: str | os.PathLike[str], *, dpi: int = 150) -> None:
     """Write a figure, atomically, in the format of the path's suffix.
 
@@ -47,11 +65,11 @@ def save_figure(figure: Figure, path: str | os.PathLike[str], *, dpi: int = 150)
     ------
     ValueError
         If the suffix is no format that Matplotlib writes.
+    FileNotFoundError
+        If the folder does not exist.
     """
+    check_figure_path(path)
     suffix = Path(path).suffix.removeprefix(".").lower()
-    known = figure.canvas.get_supported_filetypes()
-    if suffix not in known:
-        raise ValueError(f"{path}: no format for figures, expected one of {', '.join(known)}")
     # without the date, and with names that are no random numbers, the same figure gives the same
     # bytes
     undated = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}

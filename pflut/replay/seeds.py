@@ -6,7 +6,7 @@ import json
 import multiprocessing
 import os
 import signal
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
@@ -138,6 +138,11 @@ def replay_seed(
     )
 
 
+def drive_file(folder: Path, seed: int) -> Path:
+    """Name the file that keeps a drive's result."""
+    return folder / f"seed_{seed}.json"
+
+
 def replay_seeds(
     seeds: Iterable[int],
     folder: str | os.PathLike[str],
@@ -145,7 +150,7 @@ def replay_seeds(
     *,
     jobs: int = 1,
     **settings: Any,
-) -> Iterator[SeedRun]:
+) -> Generator[SeedRun, None, None]:
     """Replay simulated drives in processes; what a folder holds already is not done again.
 
     Parameters
@@ -177,7 +182,7 @@ def replay_seeds(
     wanted = list(dict.fromkeys(seeds))
     missing = []
     for seed in wanted:
-        path = target / f"seed_{seed}.json"
+        path = drive_file(target, seed)
         if path.is_file():
             yield SeedRun.from_json(path)
         else:
@@ -239,7 +244,7 @@ def _run_and_keep(
 ) -> SeedRun:
     """Replay one drive and write its file."""
     run = replay_seed(seed, options, **settings)
-    write_json(folder / f"seed_{seed}.json", asdict(run))
+    write_json(drive_file(folder, seed), asdict(run))
     return run
 
 
