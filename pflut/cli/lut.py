@@ -166,11 +166,11 @@ def run_info(arguments: argparse.Namespace) -> None:
 
     from pflut.cli.loading import load_table
     from pflut.cli.progress import Bars
-    from pflut.replay.pipeline import PANORAMA_BINS
+    from pflut.replay.pipeline import COMMON_BINS
 
     named = None if arguments.file == "default" else Path(arguments.file)
     with Bars() as bars:
-        table = load_table(named, PANORAMA_BINS, progress=bars)
+        table = load_table(named, COMMON_BINS, progress=bars)
     cells = table.log_ratio
     print(
         f"bins        {cells.shape[0]} of r, {cells.shape[1]} of theta - alpha_l and of "

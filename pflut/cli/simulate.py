@@ -114,7 +114,7 @@ def run(arguments: argparse.Namespace) -> None:
     from pflut.cli.loading import load_table
     from pflut.cli.progress import Bars
     from pflut.likelihood.learning import available_cores
-    from pflut.replay.pipeline import PANORAMA_BINS
+    from pflut.replay.pipeline import COMMON_BINS
     from pflut.replay.seeds import drive_file, replay_seeds, summarize_seeds
     from pflut.results import create_results_folder, run_record
 
@@ -124,7 +124,7 @@ def run(arguments: argparse.Namespace) -> None:
     runs = []
     with Bars() as bars:
         load_table(
-            None, options.bins or PANORAMA_BINS, progress=bars
+            None, options.bins or COMMON_BINS, progress=bars
         )  # once, before the processes start
         try:
             bars("drives", 0, len(arguments.seeds))
