@@ -165,10 +165,12 @@ class ParticleFilter:
         exponent = 1.0
         if weights is None:
             self.degenerate_updates += 1
-        else:
+        elif weights.effective_sample_size < self.min_effective_share * len(weights):
             exponent = tempering_exponent(self._weights, log_likelihood, self.min_effective_share)
             tempered = self._weights.times(exponent * log_likelihood)
             self._weights = weights if tempered is None else tempered
+        else:
+            self._weights = weights
 
         estimate = self.estimate()
 
