@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pflut.correspondences import Correspondences
-from pflut.geometry import TWO_PI, FloatArray, wrap_to_pi
+from pflut.geometry import TWO_PI, FloatArray, circular_mean, wrap_to_pi
 
 
 class Likelihood(Protocol):
@@ -117,8 +117,7 @@ class GridPosterior:
 
     def rotation_mean(self) -> float:
         """Return the circular mean of the rotation, radians in (-pi, pi]."""
-        angles, probabilities = self.rotation()
-        return float(np.angle(np.sum(probabilities * np.exp(1j * angles))))
+        return circular_mean(*self.rotation())
 
     def credible_mass(self, heading_l: float, heading_r: float) -> float:
         """Return the mass of the smallest credible region that contains a pose.

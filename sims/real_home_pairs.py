@@ -26,7 +26,7 @@ from pflut import (
 )
 from pflut.evaluation import bootstrap_median, relative_pose_errors
 from pflut.features import FeatureCache
-from pflut.geometry import circular_mean, rotation_from_headings, wrap_to_pi
+from pflut.geometry import rotation_from_headings, wrap_to_pi
 from pflut.pairs import dataset_pairs
 from pflut.plot import plot_error_against, save_figure
 
@@ -36,7 +36,7 @@ def median_rotation(correspondences: Correspondences) -> float:
     turns = correspondences.azimuth_l - correspondences.azimuth_r
     # the angle that has the least sum of distances to the others is one of them
     distances = np.abs(wrap_to_pi(turns[:, None] - turns[None, :])).sum(axis=1)
-    return float(turns[np.argmin(distances)]) if len(turns) else circular_mean(np.zeros(1))
+    return float(turns[np.argmin(distances)]) if len(turns) else 0.0
 
 
 def main() -> None:
