@@ -94,7 +94,7 @@ def ocam_ray(
     return row, column, sum(a * rho**i for i, a in enumerate(polynomial))
 
 
-# --- the paper's simulator -----------------------------------------------------------------------
+# --- the simulator of correspondences -------------------------------------------------------------
 
 
 class SplitMix:
@@ -124,6 +124,37 @@ class SplitMix:
             if point @ point <= 1:
                 return radius * point
 
+    def cube_point(self, radius):
+        """A point of the ball, or None: one try of ball_point."""
+        point = np.array([2 * self.uniform() - 1 for _ in range(3)])
+        return radius * point if point @ point <= 1 else None
+
+    def room(self):
+        """Two opposite corners: 1.2 to 3 away in x and in y, 0.4 to 1.2 in z."""
+        lower, upper = np.empty(3), np.empty(3)
+        for axis, (nearest, farthest) in enumerate([(1.2, 3.0), (1.2, 3.0), (0.4, 1.2)]):
+            lower[axis] = -(nearest + (farthest - nearest) * self.uniform())
+            upper[axis] = nearest + (farthest - nearest) * self.uniform()
+        return lower, upper
+
+    def room_position(self, lower, upper):
+        """Anywhere on the plane, 0.2 from the walls."""
+        x, y = (
+            low + 0.2 + (high - low - 0.4) * self.uniform()
+            for low, high in zip(lower[:2], upper[:2], strict=True)
+        )
+        return np.array([x, y, 0.0])
+
+    def room_point(self, lower, upper):
+        """A pair of opposite faces by its area, then a place on it, then which of the two."""
+        size = upper - lower
+        areas = [size[1] * size[2], size[0] * size[2], size[0] * size[1]]
+        at, first, second = sum(areas) * self.uniform(), self.uniform(), 2 * self.uniform()
+        across = 0 if at < areas[0] else 1 if at < areas[0] + areas[1] else 2
+        along = [first, second % 1.0]
+        along.insert(across, math.floor(second))
+        return lower + size * along
+
 
 def rotation(axis, angle):
     """Rotation matrix about a coordinate axis."""
@@ -144,31 +175,91 @@ def noisy_bearing(vector, across, upward):
     return math.atan2(y, x), z / math.hypot(x, y)
 
 
-def simulate(state, pairs, n, *, mismatch, noise, max_tilt, radius):
+def noisy_image_point(vector, across, upward):
+    """Azimuth and slope of a vector's image at unit focal length, moved in the image plane."""
+    image = np.array([1.0, vector[1] / vector[0] + across, vector[2] / vector[0] + upward])
+    return math.atan2(image[1], image[0]), image[2] / math.hypot(image[0], image[1])
+
+
+def seen_by(vector, field):
+    """Whether a vector of the camera's frame lies inside a field of view (across, upward)."""
+    x, y, z = vector
+    half_width, half_height = (math.tan(angle / 2) for angle in field)
+    return x > 0 and abs(y / x) <= half_width and abs(z / x) <= half_height
+
+
+def simulate(
+    state,
+    pairs,
+    n,
+    *,
+    mismatch,
+    noise,
+    max_tilt,
+    radius,
+    scene="ball",
+    field_of_view=None,
+    max_turn=0.0,
+):
     """Headings (pairs, 2) and bearings (pairs, n, 4), by 3-D vectors and rotation matrices."""
     random = SplitMix(state)
     headings, bearings = np.empty((pairs, 2)), np.empty((pairs, n, 4))
 
-    def see(landmark, position, world_camera):
-        across, upward = random.two_normals()
-        vector = world_camera.T @ (landmark - position)
-        return noisy_bearing(vector, noise * across, noise * upward)
-
-    for p in range(pairs):
-        angles = [2 * math.pi * random.uniform() for _ in range(2)]
-        left, right = (np.array([math.cos(a), math.sin(a), 0.0]) for a in angles)
-        yaw_l, yaw_r = (2 * math.pi * random.uniform() for _ in range(2))
+    def pose():
+        corners = random.room() if scene == "box" else None
+        if corners is None:
+            angles = [2 * math.pi * random.uniform() for _ in range(2)]
+            left, right = (np.array([math.cos(a), math.sin(a), 0.0]) for a in angles)
+        else:
+            left, right = (random.room_position(*corners) for _ in range(2))
+        yaw_l = 2 * math.pi * random.uniform()
+        turn = random.uniform()
+        yaw_r = yaw_l + max_turn * (2 * turn - 1) if field_of_view else 2 * math.pi * turn
         roll, pitch = (max_tilt * (2 * random.uniform() - 1) for _ in range(2))
         x, y, _ = right - left
-        headings[p] = [math.atan2(y, x) - yaw_l, math.atan2(-y, -x) - yaw_r]
+        truth = [math.atan2(y, x) - yaw_l, math.atan2(-y, -x) - yaw_r]
         camera_l = rotation("z", yaw_l)
         camera_r = rotation("z", yaw_r) @ (rotation("y", pitch) @ rotation("x", roll)).T
+        return corners, (left, camera_l), (right, camera_r), truth
+
+    def vector(landmark, camera):
+        position, world_camera = camera
+        return world_camera.T @ (landmark - position)
+
+    def draw(corners, cameras):
+        if field_of_view is None:
+            return random.room_point(*corners) if corners else random.ball_point(radius)
+        for _ in range(2000):
+            point = random.room_point(*corners) if corners else random.cube_point(radius)
+            if point is not None and all(seen_by(vector(point, c), field_of_view) for c in cameras):
+                return point
+        return None
+
+    def see(landmark, camera):
+        across, upward = (noise * normal for normal in random.two_normals())
+        project = noisy_image_point if field_of_view else noisy_bearing
+        return project(vector(landmark, camera), across, upward)
+
+    def pair():
+        corners, left, right, truth = pose()
+        out = np.empty((n, 4))
         for i in range(n):
-            landmark = random.ball_point(radius)
-            bearings[p, i, :2] = see(landmark, left, camera_l)
+            landmark = draw(corners, (left, right))
+            if landmark is None:
+                return None
+            out[i, :2] = see(landmark, left)
             if i < round(mismatch * n):
-                landmark = random.ball_point(radius)
-            bearings[p, i, 2:] = see(landmark, right, camera_r)
+                landmark = draw(corners, (left, right))
+                if landmark is None:
+                    return None
+            out[i, 2:] = see(landmark, right)
+        return truth, out
+
+    for p in range(pairs):
+        drawn = pair()
+        while drawn is None:
+            drawn = pair()
+        headings[p], bearings[p] = drawn
     return headings % (2 * np.pi), bearings
 
 

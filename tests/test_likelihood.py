@@ -570,4 +570,7 @@ def test_default_is_the_paper_s(default_table: LikelihoodTable) -> None:
         "noise": 0.01,
         "max_tilt": 0.0,
         "radius": 2.0,
+        "scene": "ball",
+        "field_of_view": None,
+        "max_turn": np.radians(30),
     }

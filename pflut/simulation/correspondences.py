@@ -1,122 +1,29 @@
-"""The paper's simulator: two cameras on a circle around a ball of landmarks.
+"""The paper's simulator: two cameras on a circle around a ball of landmarks, and variations of it.
 
 Landmarks are uniform in a ball of radius 2 around the origin; both cameras stand on the unit
 circle of the plane with random headings; every bearing gets isotropic normal noise on the
 sphere; a share of the correspondences are mismatches, each made of the projections of two
 different landmarks (Booij et al. 2010, section IV-A).
+
+The variations are a room with its landmarks on the walls, to test elsewhere what was learned in
+the ball, and perspective cameras with a limited field of view.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import pi, radians, tan
+from typing import Literal
 
 import numpy as np
 
-from pflut._jit import jit
-from pflut._trig import fast_arctan2
 from pflut.correspondences import Correspondences
-from pflut.geometry import TWO_PI, FloatArray, wrap_to_2pi
-
-
-@jit
-def _uniform(state):  # type: ignore[no-untyped-def]
-    """Draw from [0, 1): splitmix64, a counter with a mixing function, cheap to start anywhere."""
-    state[0] += np.uint64(0x9E3779B97F4A7C15)
-    z = state[0]
-    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    z = z ^ (z >> np.uint64(31))
-    return (z >> np.uint64(11)) * (1.0 / 9007199254740992.0)
-
-
-@jit
-def _two_normals(state):  # type: ignore[no-untyped-def]
-    """Draw two independent standard normals (Marsaglia's polar method)."""
-    while True:
-        a = 2.0 * _uniform(state) - 1.0
-        b = 2.0 * _uniform(state) - 1.0
-        s = a * a + b * b
-        if 0.0 < s < 1.0:
-            scale = np.sqrt(-2.0 * np.log(s) / s)
-            return scale * a, scale * b
-
-
-@jit
-def _ball_point(state, radius):  # type: ignore[no-untyped-def]
-    """Draw a point uniform in a ball by rejection from the cube."""
-    while True:
-        x = 2.0 * _uniform(state) - 1.0
-        y = 2.0 * _uniform(state) - 1.0
-        z = 2.0 * _uniform(state) - 1.0
-        if x * x + y * y + z * z <= 1.0:
-            return radius * x, radius * y, radius * z
-
-
-@jit
-def _noisy_bearing(state, x, y, z, noise, cos_roll, sin_roll, cos_pitch, sin_pitch):  # type: ignore[no-untyped-def]
-    """Project a point given in the camera's frame: tilt, noise, then azimuth and slope."""
-    y, z = cos_roll * y - sin_roll * z, sin_roll * y + cos_roll * z
-    x, z = cos_pitch * x + sin_pitch * z, cos_pitch * z - sin_pitch * x
-    planar = np.sqrt(x * x + y * y)
-    # The noise lies in the sphere's tangent plane: across, and towards the zenith. Everything is
-    # scaled by the landmark's distance, which cancels in both angles.
-    across, upward = _two_normals(state)
-    across *= noise * np.sqrt(planar * planar + z * z)
-    radial = planar - noise * upward * z
-    height = z + noise * upward * planar
-    azimuth = fast_arctan2(y * radial + x * across, x * radial - y * across)
-    return azimuth, height / np.sqrt(radial * radial + across * across)
-
-
-@jit
-def _simulate(state, mismatch, noise, max_tilt, radius, headings, bearings):  # type: ignore[no-untyped-def]
-    """Fill headings (pairs, 2) and bearings (pairs, n, 4: azimuth and slope of L, then of R)."""
-    pairs, n, _ = bearings.shape
-    num_mismatches = int(np.round(mismatch * n))
-    for p in range(pairs):
-        angle_l = TWO_PI * _uniform(state)
-        angle_r = TWO_PI * _uniform(state)
-        x_l, y_l = np.cos(angle_l), np.sin(angle_l)
-        x_r, y_r = np.cos(angle_r), np.sin(angle_r)
-        yaw_l = TWO_PI * _uniform(state)
-        yaw_r = TWO_PI * _uniform(state)
-        cos_l, sin_l = np.cos(yaw_l), np.sin(yaw_l)
-        cos_r, sin_r = np.cos(yaw_r), np.sin(yaw_r)
-        roll = max_tilt * (2.0 * _uniform(state) - 1.0)
-        pitch = max_tilt * (2.0 * _uniform(state) - 1.0)
-        cos_roll, sin_roll = np.cos(roll), np.sin(roll)
-        cos_pitch, sin_pitch = np.cos(pitch), np.sin(pitch)
-        direction = np.arctan2(y_r - y_l, x_r - x_l)
-        headings[p, 0] = (direction - yaw_l) % TWO_PI
-        headings[p, 1] = (direction + np.pi - yaw_r) % TWO_PI
-        for i in range(n):
-            x, y, z = _ball_point(state, radius)
-            dx, dy = x - x_l, y - y_l
-            bearings[p, i, 0], bearings[p, i, 1] = _noisy_bearing(
-                state,
-                cos_l * dx + sin_l * dy,
-                cos_l * dy - sin_l * dx,
-                z,
-                noise,
-                1.0,
-                0.0,
-                1.0,
-                0.0,
-            )
-            if i < num_mismatches:
-                x, y, z = _ball_point(state, radius)
-            dx, dy = x - x_r, y - y_r
-            bearings[p, i, 2], bearings[p, i, 3] = _noisy_bearing(
-                state,
-                cos_r * dx + sin_r * dy,
-                cos_r * dy - sin_r * dx,
-                z,
-                noise,
-                cos_roll,
-                sin_roll,
-                cos_pitch,
-                sin_pitch,
-            )
+from pflut.geometry import FloatArray, wrap_to_2pi
+from pflut.simulation.correspondence_kernels import (
+    PAIRS_TRIED,
+    simulate_images,
+    simulate_panoramas,
+)
 
 
 @dataclass(frozen=True)
@@ -128,11 +35,39 @@ class CorrespondenceSimulator:
     mismatch : float
         Share of the correspondences whose two bearings show different landmarks, in [0, 1].
     noise : float
-        Standard deviation of the bearing noise, radians, isotropic on the sphere.
+        Standard deviation of the noise: of panoramas in radians, isotropic on the sphere; of a
+        limited field of view in the image plane at unit focal length, isotropic there, so that
+        one pixel at a focal length of 500 pixels is 0.002.
     max_tilt : float
         The view R gets a roll and a pitch uniform in [-max_tilt, max_tilt], radians.
     radius : float
         Radius of the ball of landmarks; the cameras stand on the unit circle.
+    scene : {"ball", "box"}
+        "ball" is the paper's scene. "box" is a room of its own for every pair, with the landmarks
+        uniform on the area of its walls, floor and ceiling; see the notes.
+    field_of_view : (float, float), optional
+        Horizontal and vertical angle in (0, pi) of perspective cameras that look along the x axes
+        of their frames, radians. Default: panoramas, which see everything.
+    max_turn : float
+        With a limited field of view R's heading differs from L's by an angle uniform in
+        [-max_turn, max_turn], radians, at most pi.
+
+    Notes
+    -----
+    **The room.** In the units of the unit circle, its four walls are 1.2 to 3 away from the
+    origin, its floor and its ceiling 0.4 to 1.2 below and above the cameras' plane, each drawn by
+    itself. Both cameras stand anywhere in it, uniform on the plane and 0.2 or more from the walls,
+    so baselines are of any length, from 0 to nearly the room's diagonal.
+
+    **Uniform headings.** Panoramas have uniform and independent ``heading_l`` and ``heading_r`` in
+    both scenes, as Algorithm 2 asks for. With a limited field of view they are *not* uniform: the
+    two views look roughly the same way, so that heading_l - heading_r is near pi, and the pairs
+    that share landmarks are kept. Learn from those with weights against the poses' frequencies,
+    as from real pairs.
+
+    **What a limited field of view sees.** Every landmark, those of mismatches too, lies inside the
+    images of *both* cameras, before noise. A pair for which one cannot be found in 2000 tries, each
+    a point of the room's surface or of the cube around the ball, is drawn anew.
 
     References
     ----------
@@ -144,6 +79,9 @@ class CorrespondenceSimulator:
     noise: float = 0.01
     max_tilt: float = 0.0
     radius: float = 2.0
+    scene: Literal["ball", "box"] = "ball"
+    field_of_view: tuple[float, float] | None = None
+    max_turn: float = radians(30)
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.mismatch <= 1.0:
@@ -155,6 +93,18 @@ class CorrespondenceSimulator:
                 )
         if not 0.0 < self.radius < np.inf:
             raise ValueError(f"radius: expected a positive number, got {self.radius}")
+        if self.scene not in ("ball", "box"):
+            raise ValueError(f"scene: expected 'ball' or 'box', got {self.scene!r}")
+        if self.scene == "box" and self.radius != type(self).radius:
+            raise ValueError(f"radius: expected scene 'ball' with it, got {self.scene!r}")
+        if not 0.0 <= self.max_turn <= pi:
+            raise ValueError(f"max_turn: expected radians in [0, pi], got {self.max_turn}")
+        field = self.field_of_view
+        if field is None:
+            if self.max_turn != type(self).max_turn:
+                raise ValueError("max_turn: expected a field_of_view with it, got None")
+        elif np.shape(field) != (2,) or not all(0.0 < angle < pi for angle in field):
+            raise ValueError(f"field_of_view: expected two angles in (0, pi), got {field}")
 
     def sample_slopes(
         self, num_pairs: int, num_correspondences: int, rng: np.random.Generator | int | None = None
@@ -174,20 +124,42 @@ class CorrespondenceSimulator:
         bearings : ndarray of shape (num_pairs, num_correspondences, 4)
             ``[azimuth_l, slope_l, azimuth_r, slope_r]``, azimuths in (-pi, pi]. The mismatches
             come first in each pair.
+
+        Raises
+        ------
+        ValueError
+            If a limited field of view is so small that pairs share no landmarks.
         """
         headings = np.empty((num_pairs, 2))
         bearings = np.empty((num_pairs, num_correspondences, 4))
         state = np.random.default_rng(rng).integers(0, 2**64, size=1, dtype=np.uint64)
+        box = self.scene == "box"
+        mismatch, noise = float(self.mismatch), float(self.noise)
+        tilt, radius, turn = float(self.max_tilt), float(self.radius), float(self.max_turn)
+        shared = True
         # the counter wraps around on purpose; without the compiler NumPy would warn of it
         with np.errstate(over="ignore"):
-            _simulate(
-                state,
-                float(self.mismatch),
-                float(self.noise),
-                float(self.max_tilt),
-                float(self.radius),
-                headings,
-                bearings,
+            if self.field_of_view is None:
+                simulate_panoramas(state, box, mismatch, noise, tilt, radius, headings, bearings)
+            else:
+                width, height = (tan(0.5 * angle) for angle in self.field_of_view)
+                shared = simulate_images(
+                    state,
+                    box,
+                    mismatch,
+                    noise,
+                    tilt,
+                    radius,
+                    width,
+                    height,
+                    turn,
+                    headings,
+                    bearings,
+                )
+        if not shared:
+            raise ValueError(
+                "field_of_view: expected views that share landmarks, "
+                f"got none from {PAIRS_TRIED} pairs in a row"
             )
         return headings, bearings
 
