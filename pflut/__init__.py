@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from pflut.posterior import pose_posterior as pose_posterior
     from pflut.reference_map import ReferenceMap as ReferenceMap
     from pflut.relpose.estimate import estimate_relative_pose as estimate_relative_pose
+    from pflut.relpose.ransac import ransac_relative_pose as ransac_relative_pose
     from pflut.relpose.result import RelativePose as RelativePose
     from pflut.simulation.correspondences import CorrespondenceSimulator as CorrespondenceSimulator
     from pflut.trajectory import Trajectory as Trajectory
@@ -62,6 +63,7 @@ _NAMES = {
     "match": "features",
     "match_many": "features",
     "pose_posterior": "posterior",
+    "ransac_relative_pose": "relpose.ransac",
 }
 
 __getattr__, __dir__, __all__ = lazy(__name__, _NAMES)
