@@ -10,6 +10,7 @@ from __future__ import annotations
 import heapq
 import math
 from collections import Counter
+from itertools import combinations
 
 import numpy as np
 
@@ -600,3 +601,62 @@ def heaviest_cell(poses, cell, cells_of_heading):
     width = 2 * np.pi / cells_of_heading
     center = [left + (best[0] + 0.5) * cell, bottom + (best[1] + 0.5) * cell]
     return np.array([*center, (best[2] + 0.5) * width]), score(best)
+
+
+# --- RANSAC ---------------------------------------------------------------------------------------
+
+
+def constraint_row(bearing):
+    """What (sin theta, cos theta, sin phi, cos phi) is multiplied with in the constraint."""
+    azimuth_l, elevation_l, azimuth_r, elevation_r = bearing
+    left = math.sin(elevation_r) * math.cos(elevation_l)
+    right = math.sin(elevation_l) * math.cos(elevation_r)
+    of_theta = [left * math.cos(azimuth_l), -left * math.sin(azimuth_l)]
+    return np.array([*of_theta, right * math.cos(azimuth_r), -right * math.sin(azimuth_r)])
+
+
+def minimal_poses(sample):
+    """All (theta, phi) of two or three bearings with positive depths."""
+    _, _, right = np.linalg.svd(np.array([constraint_row(bearing) for bearing in sample]))
+    lines = [right[3]]
+    if len(sample) == 2:
+        # which mixtures of the two null vectors have halves of the same length?
+        top, bottom = right[2:, :2], right[2:, 2:]
+        form = top @ top.T - bottom @ bottom.T
+        roots = np.roots([form[0, 0], 2 * form[0, 1], form[1, 1]])
+        lines = [root.real * right[2] + right[3] for root in roots if root.imag == 0.0]
+    poses = []
+    for line in lines:
+        for x in (line, -line):
+            theta, phi = math.atan2(x[0], x[1]), math.atan2(x[2], x[3])
+            if all((planar_depths(bearing, theta, phi) > 0).all() for bearing in sample):
+                poses.append((theta, phi))
+    return poses
+
+
+def model_cost(bearings, theta, phi, threshold, truncated):
+    """One for everything that does not agree; for what does a share of it, or nothing."""
+    cost = 0.0
+    for bearing in bearings:
+        ratio = (epipolar_residual(bearing, theta, phi)[0] / threshold) ** 2
+        agrees = ratio < 1 and (planar_depths(bearing, theta, phi) > 0).all()
+        cost += (ratio if truncated else 0.0) if agrees else 1.0
+    return cost
+
+
+def cheapest_pose(bearings, threshold, truncated):
+    """The pose of two bearings that costs least, of all pairs on one side of the horizon each."""
+    usable = [bearing for bearing in bearings if bearing[1] * bearing[3] > 0]
+    best, headings = float(len(bearings)), (0.0, 0.0)
+    for sample in combinations(usable, 2):
+        for theta, phi in minimal_poses(sample):
+            cost = model_cost(bearings, theta, phi, threshold, truncated)
+            if cost < best:
+                best, headings = cost, (theta, phi)
+    return best, headings
+
+
+def iterations_needed(inliers, pool_size, sample_size, confidence):
+    """The smallest number with 1 - (1 - share)^number >= confidence, not rounded."""
+    share = math.comb(inliers, sample_size) / math.comb(pool_size, sample_size)
+    return math.log(1 - confidence) / math.log(1 - share)
