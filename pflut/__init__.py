@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from pflut.features import Features as Features
     from pflut.features import match as match
     from pflut.features import match_many as match_many
+    from pflut.likelihood.dense import DenseTable as DenseTable
+    from pflut.likelihood.files import load_table as load_table
     from pflut.likelihood.table import LikelihoodTable as LikelihoodTable
     from pflut.localization.estimate import Estimate as Estimate
     from pflut.localization.global_search import GlobalSearch as GlobalSearch
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
     from pflut.posterior import pose_posterior as pose_posterior
     from pflut.reference_map import ReferenceMap as ReferenceMap
     from pflut.relpose.estimate import estimate_relative_pose as estimate_relative_pose
+    from pflut.relpose.search import estimate_relative_poses as estimate_relative_poses
     from pflut.relpose.ransac import ransac_relative_pose as ransac_relative_pose
     from pflut.relpose.result import RelativePose as RelativePose
     from pflut.simulation.correspondences import CorrespondenceSimulator as CorrespondenceSimulator
@@ -50,6 +53,8 @@ _NAMES = {
     "GlobalSearch": "localization.global_search",
     "GridPosterior": "posterior",
     "LikelihoodTable": "likelihood.table",
+    "DenseTable": "likelihood.dense",
+    "load_table": "likelihood.files",
     "Localizer": "localization.localizer",
     "Omnidirectional": "localization.motion",
     "ParticleFilter": "localization.particle_filter",
@@ -58,6 +63,7 @@ _NAMES = {
     "RelativePose": "relpose.result",
     "Trajectory": "trajectory",
     "estimate_relative_pose": "relpose.estimate",
+    "estimate_relative_poses": "relpose.search",
     "load_camera": "camera",
     "load_dataset": "datasets",
     "match": "features",

@@ -26,7 +26,7 @@ def versions() -> dict[str, str]:
 
 def machine() -> dict[str, str | int]:
     """Return the platform, the processor and how many cores this process may use."""
-    from pflut.likelihood.learning import available_cores
+    from pflut.likelihood.sampling import available_cores
 
     return {
         "platform": platform.platform(),

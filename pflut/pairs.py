@@ -12,7 +12,8 @@ from pflut.correspondences import Correspondences
 from pflut.datasets.base import Dataset
 from pflut.features import FeatureCache, FeatureExtractor, match
 from pflut.geometry import relative_headings
-from pflut.relpose.estimate import CUTOFFS, bearing_table
+from pflut.likelihood.table import bearing_table
+from pflut.relpose.estimate import CUTOFFS
 from pflut.relpose.kernels import refine
 from pflut.relpose.result import RelativePose
 

@@ -21,7 +21,9 @@ class Likelihood(Protocol):
         """Cells of the headings' axes."""
         ...
 
-    def log_likelihood_grid(self, correspondences: Correspondences) -> NDArray[np.float32]:
+    def log_likelihood_grid(
+        self, correspondences: Correspondences, bins: int | None = None
+    ) -> NDArray[np.float32]:
         """Sum log-likelihood ratios over a (bins, bins) grid of (heading_l, heading_r)."""
         ...
 
@@ -189,9 +191,9 @@ def pose_posterior(
     ----------
     correspondences : Correspondences
         Between the reference view L and the query view R. With none, all poses stay as probable.
-    likelihood : LikelihoodTable
+    likelihood : LikelihoodTable or DenseTable
     bins : int, optional
-        Cells an axis, which must be the table's own.
+        Cells an axis. Default: the table's own; the paper's table has no others.
     temperature : float
         Factor on the log-likelihood in (0, 1]; below one it answers for correspondences that are
         not independent.
@@ -206,15 +208,10 @@ def pose_posterior(
         If a parameter is out of its range.
     """
     check_temperature(temperature)
-    if bins is not None and bins != likelihood.bins:
-        raise ValueError(
-            f"bins: this table has {likelihood.bins}, got {bins}; "
-            f"learn another with LikelihoodTable.from_simulation(bins={bins})"
-        )
-    grid = temperature * likelihood.log_likelihood_grid(correspondences).astype(np.float64)
+    grid = temperature * likelihood.log_likelihood_grid(correspondences, bins).astype(np.float64)
     peak = float(grid.max())
     log_sum = peak + float(np.log(np.exp(grid - peak).sum()))
-    return GridPosterior(grid - log_sum, log_sum - 2.0 * float(np.log(likelihood.bins)))
+    return GridPosterior(grid - log_sum, log_sum - 2.0 * float(np.log(len(grid))))
 
 
 def check_temperature(temperature: float) -> None:

@@ -11,19 +11,32 @@ import room
 from pflut.datasets import Dataset, load_folder
 from pflut.datasets.simulated_home import RENDERER_VERSION
 from pflut.features import FeatureCache
-from pflut.likelihood.table import LikelihoodTable, default_description
+from pflut.likelihood.dense import DenseTable
+from pflut.likelihood.table import LikelihoodTable
 
 
 @pytest.fixture(scope="session")
 def default_table() -> LikelihoodTable:
-    """The 128-bin table, from the user's cache: learned there by the first run of all."""
+    """The table that comes with pflut."""
     return LikelihoodTable.default()
 
 
 @pytest.fixture(scope="session")
 def small_table() -> LikelihoodTable:
-    """A 32-bin table for what needs no accuracy."""
-    return LikelihoodTable.from_simulation(bins=32, num_samples=2_000_000, seed=3)
+    """The same with small grids, for what needs no accuracy."""
+    return LikelihoodTable.default(bins=32)
+
+
+@pytest.fixture(scope="session")
+def dense_table() -> DenseTable:
+    """The paper's table of 128 bins, from the user's cache: learned there by the first run."""
+    return DenseTable.default()
+
+
+@pytest.fixture(scope="session")
+def small_dense_table() -> DenseTable:
+    """The paper's table of 32 bins, for what needs no accuracy."""
+    return DenseTable.from_simulation(bins=32, num_samples=2_000_000, seed=3)
 
 
 @pytest.fixture(scope="session")
@@ -49,17 +62,10 @@ def room_home_cache(
     tmp_path_factory: pytest.TempPathFactory,
     room_folder: Path,
     room_cache: FeatureCache,
-    small_table: LikelihoodTable,
 ) -> Path:
-    """A user's cache folder: the simulated homes 0 to 2 are the room, the tables are small."""
+    """A user's cache folder: the simulated homes 0 to 2 are the room."""
     cache = room_cache.folder.parent
     for seed in range(3):
         name = f"v{RENDERER_VERSION}-seed{seed}-people0-blur0"
         shutil.copytree(room_folder, cache / "simulated-home" / name)
-    for bins in (32, 128):
-        # the small table's cells, as many as the default table has
-        cells = small_table.log_ratio
-        for axis in range(3):
-            cells = cells.repeat(bins // 32, axis=axis)
-        LikelihoodTable(cells, default_description(bins)).save(cache / f"table-{bins}.npz")
     return cache

@@ -7,8 +7,9 @@ from pathlib import Path
 from pflut.cli.progress import Bars
 from pflut.datasets.base import Dataset
 from pflut.datasets.registry import SIMULATED_HOME, load_dataset
+from pflut.likelihood import files
+from pflut.likelihood.dense import DenseTable
 from pflut.likelihood.table import LikelihoodTable
-from pflut.replay.pipeline import make_table
 
 
 def load(name: str, references: str | None, *, progress: Bars) -> Dataset:
@@ -33,20 +34,26 @@ def load(name: str, references: str | None, *, progress: Bars) -> Dataset:
     return load_dataset(name, references=references)
 
 
-def load_table(path: Path | None, bins: int, *, progress: Bars) -> LikelihoodTable:
-    """Load a table from a file, or give the simulator's; learning it takes some seconds, once.
+def load_table(
+    name: str | None, bins: int, *, progress: Bars
+) -> LikelihoodTable | DenseTable:
+    """Load a table: the default one, one from a file, or the paper's.
 
     Parameters
     ----------
-    path : Path, optional
+    name : str, optional
+        A table's file; "dense" is the paper's table, learned once; without a name it is the one
+        that comes with pflut.
     bins : int
-        Of the simulator's table.
+        Of the grids; a file has its own.
     progress : Bars
 
     Returns
     -------
-    LikelihoodTable
+    LikelihoodTable or DenseTable
     """
-    if path is not None:
-        return LikelihoodTable.load(path)
-    return make_table(bins, progress=progress)
+    if name is None or name == "default":
+        return LikelihoodTable.default(bins=bins)
+    if name == "dense":
+        return DenseTable.default(bins=bins, progress=progress.stage("table"))
+    return files.load_table(name)

@@ -113,7 +113,7 @@ def run(arguments: argparse.Namespace) -> None:
     from pflut._files import write_json
     from pflut.cli.loading import load_table
     from pflut.cli.progress import Bars
-    from pflut.likelihood.learning import available_cores
+    from pflut.likelihood.sampling import available_cores
     from pflut.replay.pipeline import COMMON_BINS
     from pflut.replay.seeds import drive_file, replay_seeds, summarize_seeds
     from pflut.results import create_results_folder, run_record

@@ -1,4 +1,4 @@
-"""The paper's look-up table of likelihoods."""
+"""The paper's look-up table of likelihoods: the baseline."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from pflut._cache import cache_dir
 from pflut.correspondences import Correspondences
-from pflut.likelihood.kernels import ROWS, add_slices, discretize
-from pflut.likelihood.learning import (
+from pflut.likelihood.dense_kernels import ROWS, add_slices, discretize
+from pflut.likelihood.dense_learning import (
     Pair,
     Progress,
     count_pairs,
@@ -24,6 +24,7 @@ from pflut.likelihood.learning import (
 from pflut.likelihood.storage import read_table, write_table
 from pflut.simulation.correspondences import CorrespondenceSimulator
 
+KIND = "dense"
 DEFAULT_BINS = 128
 DEFAULT_SAMPLES = 64_000_000
 EMPTY_CELL_SHARE = 1e-3
@@ -33,7 +34,7 @@ MIN_BINS, MAX_BINS = 4, 512
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class LikelihoodTable:
+class DenseTable:
     """Log-likelihood ratios of a correspondence over (r, u, v).
 
     One value is log p(u, v | r) minus that of uniform u and v, with u = theta - alpha_l,
@@ -79,19 +80,33 @@ class LikelihoodTable:
         """The table and its transpose over (u, v), so that exchanged views read rows too."""
         return np.ascontiguousarray(np.stack([self.log_ratio, self.log_ratio.transpose(0, 2, 1)]))
 
-    def log_likelihood_grid(self, correspondences: Correspondences) -> NDArray[np.float32]:
+    def log_likelihood_grid(
+        self, correspondences: Correspondences, bins: int | None = None
+    ) -> NDArray[np.float32]:
         """Sum the correspondences' log-likelihood ratios over the grid of poses (Algorithm 1).
 
         Parameters
         ----------
         correspondences : Correspondences
+        bins : int, optional
+            Cells an axis, which must be the table's own.
 
         Returns
         -------
         ndarray of shape (B, B), float32
             Over (heading_l, heading_r); the cell (i, j) is centred on
             ((i + 1/2) 2 pi / B, (j + 1/2) 2 pi / B). Zero everywhere without correspondences.
+
+        Raises
+        ------
+        ValueError
+            If other bins are asked for.
         """
+        if bins is not None and bins != self.bins:
+            raise ValueError(
+                f"bins: this table has {self.bins}, got {bins}; "
+                f"learn another with DenseTable.from_simulation(bins={bins})"
+            )
         cells = np.empty((len(correspondences), 4), np.int64)
         discretize(
             correspondences.azimuth_l,
@@ -118,7 +133,7 @@ class LikelihoodTable:
         seed: int = 0,
         num_threads: int | None = None,
         progress: Progress | None = None,
-    ) -> LikelihoodTable:
+    ) -> DenseTable:
         """Learn a table from the simulator.
 
         Parameters
@@ -146,7 +161,7 @@ class LikelihoodTable:
 
         Returns
         -------
-        LikelihoodTable
+        DenseTable
 
         Raises
         ------
@@ -201,7 +216,7 @@ class LikelihoodTable:
         blur: float = 1.0,
         compensate: bool = True,
         source: str = "pairs",
-    ) -> LikelihoodTable:
+    ) -> DenseTable:
         """Learn a table from real pairs of views with known relative pose (Algorithm 2).
 
         Parameters
@@ -221,7 +236,7 @@ class LikelihoodTable:
 
         Returns
         -------
-        LikelihoodTable
+        DenseTable
 
         Raises
         ------
@@ -247,7 +262,7 @@ class LikelihoodTable:
     @classmethod
     def default(
         cls, *, bins: int = DEFAULT_BINS, progress: Progress | None = None
-    ) -> LikelihoodTable:
+    ) -> DenseTable:
         """Return the table of the paper's simulator; no download.
 
         Learned at its first use (seconds) and kept in the user's cache folder (`pflut info`).
@@ -261,9 +276,9 @@ class LikelihoodTable:
 
         Returns
         -------
-        LikelihoodTable
+        DenseTable
         """
-        path = cache_dir() / f"table-{bins}.npz"
+        path = cache_dir() / f"dense-{bins}.npz"
         try:
             table = cls.load(path)
             if table.bins == bins and table.learned_from == default_description(bins):
@@ -283,10 +298,10 @@ class LikelihoodTable:
         ----------
         path : path
         """
-        write_table(path, self.log_ratio, self.learned_from)
+        write_table(path, KIND, {"log_ratio": self.log_ratio}, self.learned_from)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> LikelihoodTable:
+    def load(cls, path: str | os.PathLike[str]) -> DenseTable:
         """Read a table from its file.
 
         Parameters
@@ -295,16 +310,24 @@ class LikelihoodTable:
 
         Returns
         -------
-        LikelihoodTable
+        DenseTable
 
         Raises
         ------
         ValueError
-            If the file is truncated, of another version, or holds non-finite numbers.
+            If the file is truncated, of another version or kind, or holds non-finite numbers.
         FileNotFoundError
             If there is no such file.
         """
-        return cls(*read_table(path))
+        kind, arrays, learned_from = read_table(path)
+        if kind != KIND:
+            raise ValueError(f"{path}: a {kind} table, expected a {KIND} one")
+        if "log_ratio" not in arrays:
+            raise ValueError(f"{path}: damaged table, without log_ratio")
+        try:
+            return cls(arrays["log_ratio"], learned_from)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
 
 
 def _learned(

@@ -2,31 +2,22 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pflut.correspondences import Correspondences
 from pflut.geometry import FloatArray, wrap_to_2pi
-from pflut.likelihood.kernels import count
+from pflut.likelihood.dense_kernels import count
+from pflut.likelihood.sampling import Progress, count_blocks
 from pflut.simulation.correspondences import CorrespondenceSimulator
 
-Progress = Callable[[int, int], None]
 Pair = tuple[Correspondences, float, float]
 
 PAIRS_PER_BLOCK = 4096
 CORRESPONDENCES_PER_PAIR = 16
 BLOCK = PAIRS_PER_BLOCK * CORRESPONDENCES_PER_PAIR
-
-
-def available_cores() -> int:
-    """Return the number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def count_simulated(
@@ -61,43 +52,27 @@ def count_simulated(
     ndarray of shape (bins, bins, bins)
         Counts over (r, u, v).
     """
-    if num_threads is not None and num_threads < 1:
-        raise ValueError(f"num_threads: expected at least 1, got {num_threads}")
     num_blocks = -(-int(num_samples) // BLOCK)
-    threads = max(1, min(num_threads or available_cores(), num_blocks))
     unit = np.ones(PAIRS_PER_BLOCK, np.uint32)
 
-    def work(first: int, last: int, histogram: NDArray[np.uint32]) -> NDArray[np.uint32]:
-        for block in range(first, last):
-            stream = np.random.default_rng([seed, block])
-            headings, bearings = simulator.sample_slopes(
-                PAIRS_PER_BLOCK, CORRESPONDENCES_PER_PAIR, stream
-            )
-            count(headings, bearings, unit, histogram)
-        return histogram
+    def work(block: int, histogram: NDArray[np.uint32]) -> None:
+        stream = np.random.default_rng([seed, block])
+        headings, bearings = simulator.sample_slopes(
+            PAIRS_PER_BLOCK, CORRESPONDENCES_PER_PAIR, stream
+        )
+        count(headings, bearings, unit, histogram)
 
+    counted = count_blocks(
+        num_blocks,
+        lambda: np.zeros((bins, bins, bins), np.uint32),
+        work,
+        num_threads=num_threads,
+        progress=None
+        if progress is None
+        else lambda done, total: progress(done * BLOCK, total * BLOCK),
+    )
     total = np.zeros((bins, bins, bins), np.int64)
-    idle = [np.zeros((bins, bins, bins), np.uint32) for _ in range(threads)]
-    batch = 8
-    done = started = 0
-    with ThreadPoolExecutor(threads) as pool:
-        running = {}
-        try:
-            while done < num_blocks:
-                while idle and started < num_blocks:
-                    last = min(started + batch, num_blocks)
-                    running[pool.submit(work, started, last, idle.pop())] = last - started
-                    started = last
-                finished, _ = wait(running, return_when=FIRST_COMPLETED)
-                for future in finished:
-                    done += running.pop(future)
-                    idle.append(future.result())
-                    if progress is not None:
-                        progress(done * BLOCK, num_blocks * BLOCK)
-        finally:
-            for future in running:
-                future.cancel()
-    for histogram in idle:
+    for histogram in counted:
         total += histogram
     return total
 

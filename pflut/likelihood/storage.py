@@ -1,10 +1,11 @@
-"""The table's file: `.npz` without pickle, versioned, with a checksum."""
+"""The tables' file: `.npz` without pickle, versioned, with a checksum."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import os
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,24 +14,32 @@ from numpy.typing import NDArray
 from pflut._files import read_arrays, replacing
 
 FORMAT = "pflut likelihood table"
-VERSION = 1
+VERSION = 2
+_HEAD = ("format", "version", "kind", "learned_from", "checksum")
 
 
-def _checksum(log_ratio: NDArray[np.float32], learned_from: str) -> str:
-    digest = hashlib.sha256(np.ascontiguousarray(log_ratio).tobytes())
-    digest.update(learned_from.encode())
+def _checksum(kind: str, arrays: Mapping[str, NDArray[Any]], learned_from: str) -> str:
+    digest = hashlib.sha256(f"{kind}\n{learned_from}\n".encode())
+    for name in sorted(arrays):
+        digest.update(f"{name} {arrays[name].dtype} {arrays[name].shape}\n".encode())
+        digest.update(np.ascontiguousarray(arrays[name]).tobytes())
     return digest.hexdigest()
 
 
 def write_table(
-    path: str | os.PathLike[str], log_ratio: NDArray[np.float32], learned_from: dict[str, Any]
+    path: str | os.PathLike[str],
+    kind: str,
+    arrays: Mapping[str, NDArray[Any]],
+    learned_from: dict[str, Any],
 ) -> None:
     """Write a table; the file appears when it is whole.
 
     Parameters
     ----------
     path : path
-    log_ratio : ndarray of shape (R, B, B), float32
+    kind : str
+        "residual" or "dense".
+    arrays : mapping of str to ndarray
     learned_from : dict
         How it was learned, JSON-serialisable.
     """
@@ -40,14 +49,17 @@ def write_table(
             file,
             format=np.array(FORMAT),
             version=np.array(VERSION),
-            log_ratio=log_ratio,
+            kind=np.array(kind),
             learned_from=np.array(described),
-            checksum=np.array(_checksum(log_ratio, described)),
+            checksum=np.array(_checksum(kind, arrays, described)),
+            **arrays,
         )
 
 
-def read_table(path: str | os.PathLike[str]) -> tuple[NDArray[np.float32], dict[str, Any]]:
-    """Read a table and check everything about it.
+def read_table(
+    path: str | os.PathLike[str],
+) -> tuple[str, dict[str, NDArray[Any]], dict[str, Any]]:
+    """Read a table's file and check all of it that does not depend on its kind.
 
     Parameters
     ----------
@@ -55,7 +67,9 @@ def read_table(path: str | os.PathLike[str]) -> tuple[NDArray[np.float32], dict[
 
     Returns
     -------
-    log_ratio : ndarray of shape (R, B, B), float32
+    kind : str
+    arrays : dict of str to ndarray
+        Of finite numbers.
     learned_from : dict
 
     Raises
@@ -74,18 +88,17 @@ def read_table(path: str | os.PathLike[str]) -> tuple[NDArray[np.float32], dict[
             f"{path}: table version {version}, expected {VERSION}; "
             "learn it again with 'pflut lut build' or upgrade pflut"
         )
-    missing = {"log_ratio", "learned_from", "checksum"} - stored.keys()
+    missing = set(_HEAD) - stored.keys()
     if missing:
         raise ValueError(f"{path}: damaged {FORMAT}, without {', '.join(sorted(missing))}")
-    log_ratio, described = stored["log_ratio"], str(stored["learned_from"])
-    shape = log_ratio.shape
-    if log_ratio.dtype != np.float32 or len(shape) != 3 or not shape[0] or shape[1] != shape[2]:
-        raise ValueError(
-            f"{path}: expected log_ratio as (R, B, B) float32, got {shape} {log_ratio.dtype}"
-        )
-    if not np.isfinite(log_ratio).all():
-        raise ValueError(f"{path}: the table holds numbers that are not finite")
-    if str(stored["checksum"]) != _checksum(log_ratio, described):
+    kind, described = str(stored["kind"]), str(stored["learned_from"])
+    arrays = {name: value for name, value in stored.items() if name not in _HEAD}
+    for name, value in arrays.items():
+        if value.dtype.kind not in "fiu":
+            raise ValueError(f"{path}: expected numbers as {name}, got {value.dtype}")
+        if not np.isfinite(value).all():
+            raise ValueError(f"{path}: the table holds numbers that are not finite")
+    if str(stored["checksum"]) != _checksum(kind, arrays, described):
         raise ValueError(f"{path}: checksum does not match, the file is damaged")
     try:
         learned_from = json.loads(described)
@@ -93,4 +106,4 @@ def read_table(path: str | os.PathLike[str]) -> tuple[NDArray[np.float32], dict[
         learned_from = None
     if not isinstance(learned_from, dict):
         raise ValueError(f"{path}: expected learned_from as a JSON object, got {described!r:.40}")
-    return log_ratio, learned_from
+    return kind, arrays, learned_from

@@ -2,69 +2,58 @@
 
 from __future__ import annotations
 
-from math import exp, lgamma, log, log1p
+from math import log
 
 import numpy as np
 
 from pflut.correspondences import Correspondences
 from pflut.geometry import TWO_PI, FloatArray, wrap_to_pi
+from pflut.likelihood.table import LikelihoodTable, bearing_table
 from pflut.posterior import GridPosterior, Likelihood, pose_posterior
-from pflut.relpose.kernels import chance_share, refine
-from pflut.relpose.result import RelativePose
+from pflut.relpose.kernels import judge, refine
+from pflut.relpose.result import UNIFORM_VARIANCE, RelativePose
+from pflut.relpose.search import MAX_FALSE_ALARMS, MIN_INLIERS, SHIFTS, estimate_relative_poses
 
 CUTOFFS = np.array([6.0, 4.0, 3.0])
 """The biweight's cut-offs in standard deviations, from the grid's accuracy down to the noise's."""
 STEPS_PER_CUTOFF = 8
-MIN_INLIERS = 3
-UNIFORM_VARIANCE = np.pi**2 / 3.0
+DEFAULT_NOISE = 0.01
 BIWEIGHT_SPREAD = 0.52
 """Mean of w e^2 over sigma^2 for normal residuals e and the biweight w cut off at 3 sigma."""
-SHIFTS = 16
-"""Certain mismatches looked at a correspondence, to measure what coincidence brings."""
-MAX_FALSE_ALARMS = 0.01
 BAND = np.arange(-2, 3)
 """Cells on both sides of the poses of one rotation that count to its band."""
 BASIN = 4
 """Cells around the estimate along the band that its own covariance speaks for."""
 
 
-def bearing_table(correspondences: Correspondences) -> FloatArray:
-    """Return (n, 8): sine and cosine of azimuth_l, elevation_l, azimuth_r, elevation_r."""
-    angles = (
-        correspondences.azimuth_l,
-        correspondences.elevation_l,
-        correspondences.azimuth_r,
-        correspondences.elevation_r,
-    )
-    return np.stack([f(a) for a in angles for f in (np.sin, np.cos)], axis=1)
-
-
 def estimate_relative_pose(
     correspondences: Correspondences,
     likelihood: Likelihood,
     *,
-    noise: float = 0.01,
+    noise: float | None = None,
     polish: bool = True,
     posterior: GridPosterior | None = None,
 ) -> RelativePose:
     """Estimate the relative pose of two views by maximum likelihood.
 
-    The maximum of the posterior's grid, interpolated between the cells and polished with an
-    M-estimator (Tukey's biweight on the planar epipolar residual, positive depths only), which
-    removes the discretization error.
+    With a `LikelihoodTable`, `estimate_relative_poses` of the one pair. With the paper's table, or
+    where a posterior is given, the maximum of the posterior's grid, interpolated between the cells
+    and polished with an M-estimator (Tukey's biweight on the planar epipolar residual, positive
+    depths only), which removes the discretization error.
 
     Parameters
     ----------
     correspondences : Correspondences
         Between the reference view L and the query view R.
-    likelihood : LikelihoodTable
-    noise : float
+    likelihood : LikelihoodTable or DenseTable
+    noise : float, optional
         Standard deviation of the bearings, radians; it sets the M-estimator's cut-offs. Where the
-        real one is larger the cut-offs hide it, and the covariance is too small.
+        real one is larger the cut-offs hide it, and the covariance is too small. Default: as the
+        table has learned it; 0.01 with the paper's table, which does not tell it.
     polish : bool
-        Whether to polish.
+        Whether to polish the grid's maximum.
     posterior : GridPosterior, optional
-        Of these correspondences, where it is known already.
+        Of these correspondences; its maximum is then the starting point.
 
     Returns
     -------
@@ -82,6 +71,11 @@ def estimate_relative_pose(
     pairs of images", RSS 2010, sections III and IV. Z. Zhang, "Parameter estimation techniques: a
     tutorial with application to conic fitting", 1997 (the biweight).
     """
+    learned = isinstance(likelihood, LikelihoodTable)
+    if learned and polish and posterior is None:
+        return estimate_relative_poses([correspondences], likelihood, noise=noise)[0]
+    if noise is None:
+        noise = likelihood.noise if learned else DEFAULT_NOISE
     if not 0.0 < noise < np.pi / 2:
         raise ValueError(f"noise: expected radians in (0, pi/2), got {noise}")
     if posterior is None:
@@ -97,6 +91,9 @@ def estimate_relative_pose(
     if polish:
         headings = moved
     log_evidence = posterior.log_evidence
+    counted, alarms = np.empty(1, np.int64), np.empty(1)
+    first = np.array([0, len(bearings)])
+    judge(bearings, first, headings[None], cutoffs[-1], SHIFTS, counted, alarms)
     return RelativePose(
         heading_l=float(wrap_to_pi(headings[0])),
         heading_r=float(wrap_to_pi(headings[1])),
@@ -107,57 +104,9 @@ def estimate_relative_pose(
         + log_evidence
         + 2.0 * float(np.log(posterior.bins)),
         log_evidence=log_evidence,
-        num_inliers=int(inliers),
-        success=inliers >= MIN_INLIERS
-        and _is_no_coincidence(bearings, headings, inliers, cutoffs[-1]),
+        num_inliers=int(counted[0]),
+        success=bool(counted[0] >= MIN_INLIERS and alarms[0] < log(MAX_FALSE_ALARMS)),
     )
-
-
-def _is_no_coincidence(
-    bearings: FloatArray, headings: FloatArray, inliers: int, cutoff: float
-) -> bool:
-    """Tell whether coincidence would not bring as many inliers to any pose."""
-    total = len(bearings)
-    share = chance_share(bearings, cutoff, headings[0], headings[1], min(SHIFTS, total - 1))
-    return log_false_alarms(inliers, total, share, cutoff) < log(MAX_FALSE_ALARMS)
-
-
-def log_false_alarms(inliers: int, total: int, share: float, cutoff: float) -> float:
-    """Return the log of the number of poses expected to have as many inliers by coincidence.
-
-    The a-contrario test: the binomial tail of ``inliers`` out of ``total`` at the chance
-    ``share``, times the number of poses that differ, one every ``2 cutoff`` along each heading.
-
-    Parameters
-    ----------
-    inliers, total : int
-    share : float
-        Probability that a mismatch agrees with a pose.
-    cutoff : float
-        Largest residual of an inlier, radians.
-
-    Returns
-    -------
-    float
-        Below zero, coincidence would bring less than one such pose.
-
-    References
-    ----------
-    L. Moisan, B. Stival, "A probabilistic criterion to detect rigid point matches between two
-    images and estimate the fundamental matrix", IJCV 57(3), 2004.
-    """
-    poses = 2.0 * log(np.pi / cutoff)
-    share = min(max(share, 1.0 / (SHIFTS * max(total, 1))), 1.0 - 1e-9)
-    terms = [
-        lgamma(total + 1)
-        - lgamma(k + 1)
-        - lgamma(total - k + 1)
-        + k * log(share)
-        + (total - k) * log1p(-share)
-        for k in range(inliers, total + 1)
-    ]
-    largest = max(terms)
-    return poses + largest + log(sum(exp(term - largest) for term in terms))
 
 
 def band_variance(posterior: GridPosterior, headings: FloatArray) -> float:

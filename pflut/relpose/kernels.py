@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from pflut._jit import jit
@@ -90,6 +92,92 @@ def refine(bearings, scales, steps_per_scale, headings, information):  # type: i
 
 
 @jit
+def chance_share(bearings, cutoff, theta, phi, shifts):  # type: ignore[no-untyped-def]
+    """Give the share of certain mismatches that agree with a pose: what coincidence brings.
+
+    The mismatches are made of the data's own bearings, each point of L with the points of R that
+    belong to the next ``shifts`` correspondences: bearings that crowd in one direction agree with
+    some poses far more often than others. O(n shifts).
+    """
+    row = np.empty(3)
+    pair = np.empty(8)
+    n = bearings.shape[0]
+    sin_theta, cos_theta = np.sin(theta), np.cos(theta)
+    sin_phi, cos_phi = np.sin(phi), np.cos(phi)
+    inliers = 0
+    for i in range(n):
+        pair[:4] = bearings[i, :4]
+        for shift in range(1, shifts + 1):
+            pair[4:] = bearings[(i + shift) % n, 4:]
+            in_front = _residual(pair, sin_theta, cos_theta, sin_phi, cos_phi, row)
+            if in_front and abs(row[0]) < cutoff:
+                inliers += 1
+    return inliers / (n * shifts)
+
+
+@jit
+def refine_many(bearings, first, scales, steps_per_scale, poses, owners, information):  # type: ignore[no-untyped-def]
+    """Polish many poses of many pairs, as `refine`.
+
+    Pair k has the rows ``first[k]`` to ``first[k + 1]`` of ``bearings`` (n, 8); ``poses`` (m, 2)
+    in and out, ``owners`` (m,) the pairs; ``information`` (4,) scratch.
+    """
+    for m in range(poses.shape[0]):
+        low, high = first[owners[m]], first[owners[m] + 1]
+        refine(bearings[low:high], scales, steps_per_scale, poses[m], information)
+
+
+@jit
+def log_false_alarms(inliers, total, share, cutoff):  # type: ignore[no-untyped-def]
+    """Give the log of the number of poses expected to have as many inliers by coincidence.
+
+    The a-contrario test (Moisan, Stival, "A probabilistic criterion to detect rigid point matches
+    between two images and estimate the fundamental matrix", IJCV 57(3), 2004): the binomial tail
+    of ``inliers`` out of ``total`` at the chance ``share`` that a mismatch agrees with a pose,
+    times the number of poses that differ, one every ``2 cutoff`` radians along each heading.
+    Below zero, coincidence would bring less than one such pose.
+    """
+    share = min(max(share, 1.0 / (16.0 * max(total, 1))), 1.0 - 1e-9)
+    term = math.lgamma(total + 1.0) - math.lgamma(inliers + 1.0)
+    term -= math.lgamma(total - inliers + 1.0)
+    term += inliers * np.log(share) + (total - inliers) * np.log1p(-share)
+    # the terms after the first one, relative to it
+    ratio = 1.0
+    tail = 1.0
+    for k in range(inliers, total):
+        ratio *= (total - k) / (k + 1.0) * share / (1.0 - share)
+        tail += ratio
+        if ratio < 1e-12 * tail and k > share * total:
+            break
+    return 2.0 * np.log(np.pi / cutoff) + term + np.log(tail)
+
+
+@jit
+def judge(bearings, first, poses, cutoff, shifts, inliers, alarms):  # type: ignore[no-untyped-def]
+    """Count what agrees with the pose of each pair, and tell whether coincidence would bring it.
+
+    Pair k has the rows ``first[k]`` to ``first[k + 1]`` of ``bearings`` (n, 8) and the headings
+    ``poses[k]``. ``cutoff`` largest residual, radians; ``shifts`` mismatches looked at a
+    correspondence. Out: ``inliers`` (p,) int64, ``alarms`` (p,) of `log_false_alarms`.
+    """
+    row = np.empty(3)
+    for k in range(poses.shape[0]):
+        own = bearings[first[k] : first[k + 1]]
+        n = own.shape[0]
+        sin_theta, cos_theta = np.sin(poses[k, 0]), np.cos(poses[k, 0])
+        sin_phi, cos_phi = np.sin(poses[k, 1]), np.cos(poses[k, 1])
+        inliers[k] = 0
+        for i in range(n):
+            in_front = _residual(own[i], sin_theta, cos_theta, sin_phi, cos_phi, row)
+            if in_front and abs(row[0]) < cutoff:
+                inliers[k] += 1
+        alarms[k] = 0.0
+        if n > 1:
+            share = chance_share(own, cutoff, poses[k, 0], poses[k, 1], min(shifts, n - 1))
+            alarms[k] = log_false_alarms(inliers[k], n, share, cutoff)
+
+
+@jit
 def _solve(matrix, vector, out):  # type: ignore[no-untyped-def]
     """Solve a symmetric positive definite 3 x 3 system by its adjugate (Cramer's rule)."""
     a, b, c = matrix[0, 0], matrix[0, 1], matrix[0, 2]
@@ -160,27 +248,3 @@ def refine_pose(bearings, owners, references, scales, steps_per_scale, pose, inf
             if length < 1e-7:
                 break
     return inliers
-
-
-@jit
-def chance_share(bearings, cutoff, theta, phi, shifts):  # type: ignore[no-untyped-def]
-    """Give the share of certain mismatches that agree with a pose: what coincidence brings.
-
-    The mismatches are made of the data's own bearings, each point of L with the points of R that
-    belong to the next ``shifts`` correspondences: bearings that crowd in one direction agree with
-    some poses far more often than others. O(n shifts).
-    """
-    row = np.empty(3)
-    pair = np.empty(8)
-    n = bearings.shape[0]
-    sin_theta, cos_theta = np.sin(theta), np.cos(theta)
-    sin_phi, cos_phi = np.sin(phi), np.cos(phi)
-    inliers = 0
-    for i in range(n):
-        pair[:4] = bearings[i, :4]
-        for shift in range(1, shifts + 1):
-            pair[4:] = bearings[(i + shift) % n, 4:]
-            in_front = _residual(pair, sin_theta, cos_theta, sin_phi, cos_phi, row)
-            if in_front and abs(row[0]) < cutoff:
-                inliers += 1
-    return inliers / (n * shifts)

@@ -9,20 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from pflut.correspondences import Correspondences
 from pflut.geometry import FloatArray, wrap_to_pi
-from pflut.relpose.estimate import (
-    BIWEIGHT_SPREAD,
-    CUTOFFS,
-    MAX_FALSE_ALARMS,
-    MIN_INLIERS,
-    SHIFTS,
-    STEPS_PER_CUTOFF,
-    UNIFORM_VARIANCE,
-    bearing_table,
-    log_false_alarms,
-)
-from pflut.relpose.kernels import chance_share
+from pflut.likelihood.table import bearing_table
+from pflut.relpose.estimate import BIWEIGHT_SPREAD, CUTOFFS, STEPS_PER_CUTOFF
+from pflut.relpose.kernels import judge
 from pflut.relpose.ransac_kernels import ransac_batch
-from pflut.relpose.result import RelativePose
+from pflut.relpose.result import UNIFORM_VARIANCE, RelativePose
+from pflut.relpose.search import MAX_FALSE_ALARMS, MIN_INLIERS, SHIFTS
 
 SAMPLE_SIZES = {"2pt": 2, "3pt": 3}
 SCORINGS = ("msac", "inliers")
@@ -100,16 +92,17 @@ def ransac_relative_pose(
     )
     bearings = bearing_table(correspondences)
     headings, information, counts = _run(bearings[None], SAMPLE_SIZES[solver], options, noise, rng)
-    inliers = int(counts[0, 0])
+    inliers, alarms = counts[0, :1].copy(), np.empty(1)
+    cutoff = noise * float(CUTOFFS[-1])
+    judge(bearings, np.array([0, len(bearings)]), headings, cutoff, SHIFTS, inliers, alarms)
     return RelativePose(
         heading_l=float(wrap_to_pi(headings[0, 0])),
         heading_r=float(wrap_to_pi(headings[0, 1])),
-        covariance=_covariance(information[0], inliers, noise),
+        covariance=_covariance(information[0], int(inliers[0]), noise),
         log_likelihood=0.0,
         log_evidence=0.0,
-        num_inliers=inliers,
-        success=inliers >= MIN_INLIERS
-        and _is_no_coincidence(bearings, headings[0], inliers, noise * float(CUTOFFS[-1])),
+        num_inliers=int(inliers[0]),
+        success=bool(inliers[0] >= MIN_INLIERS and alarms[0] < log(MAX_FALSE_ALARMS)),
     )
 
 
@@ -217,15 +210,6 @@ def _run(
             counts,
         )
     return headings, information, counts
-
-
-def _is_no_coincidence(
-    bearings: FloatArray, headings: FloatArray, inliers: int, cutoff: float
-) -> bool:
-    """Tell whether coincidence would not bring as many inliers to any pose."""
-    total = len(bearings)
-    share = chance_share(bearings, cutoff, headings[0], headings[1], min(SHIFTS, total - 1))
-    return log_false_alarms(inliers, total, share, cutoff) < log(MAX_FALSE_ALARMS)
 
 
 def _covariance(information: FloatArray, inliers: int, noise: float) -> FloatArray:

@@ -8,6 +8,9 @@ import numpy as np
 
 from pflut.geometry import FloatArray, rotation_from_headings
 
+UNIFORM_VARIANCE = float(np.pi**2 / 3.0)
+"""Of an angle of which nothing is known, radians squared."""
+
 
 @dataclass(frozen=True, eq=False)
 class RelativePose:

@@ -17,6 +17,7 @@ from pflut.localization.localizer import Localizer, Step
 from pflut.localization.motion import DifferentialDrive, Omnidirectional
 from pflut.localization.particle_filter import ParticleFilter
 from pflut.localization.reference_image_model import ReferenceMatch
+from pflut.posterior import Likelihood
 from pflut.reference_map import ReferenceMap
 from pflut.replay.each import localize_each
 from pflut.replay.options import ReplayOptions
@@ -39,7 +40,7 @@ def replay_dataset(
     dataset: Dataset,
     options: ReplayOptions | None = None,
     *,
-    table: LikelihoodTable | None = None,
+    table: Likelihood | None = None,
     leave_one_out: bool | None = None,
     simulated_odometry: bool | None = None,
     max_images: int | None = None,
@@ -54,7 +55,7 @@ def replay_dataset(
     ----------
     dataset : Dataset
     options : ReplayOptions, optional
-    table : LikelihoodTable, optional
+    table : LikelihoodTable or DenseTable, optional
         By default the default table of as many bins as the options or the camera ask for.
     leave_one_out, simulated_odometry : bool, optional
         See `prepare_dataset`.
@@ -89,7 +90,9 @@ def replay_dataset(
         max_images=max_images,
     )
     dataset = plan.dataset
-    likelihood = table or make_table(options.bins or camera_bins(dataset.camera), progress=progress)
+    likelihood = table or LikelihoodTable.default(
+        bins=options.bins or camera_bins(dataset.camera)
+    )
     extractor = make_extractor(dataset, options)
     reference_map = ReferenceMap.from_dataset(
         dataset,
@@ -151,16 +154,6 @@ def _drive(
         if number in keep_particles:
             snapshots[number] = (localizer.pf.poses, localizer.pf.log_weights)
         yield replace(step, timings=timings), sensor.matches
-
-
-def make_table(bins: int, *, progress: Progress | None = None) -> LikelihoodTable:
-    """Give the default table of so many bins; it is learned from the simulator at its first use."""
-
-    def learned(done: int, total: int) -> None:
-        if progress is not None:
-            progress("table", done, total)
-
-    return LikelihoodTable.default(bins=bins, progress=learned)
 
 
 def camera_bins(camera: Camera) -> int:

@@ -1,0 +1,353 @@
+"""Kernels of the residual table: coordinates of a correspondence at a pose, counting, scoring."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pflut._jit import jit
+from pflut.geometry import TWO_PI
+from pflut.likelihood.axes import (
+    ELEVATION_CELLS,
+    NEGATIVE_CELLS,
+    PARALLAX_STEPS,
+    RATIO_CELLS,
+    RESIDUAL_CELLS,
+    RESIDUAL_MAX,
+)
+
+HALF_STEPS = 0.5 * PARALLAX_STEPS
+PRODUCTS = 16
+"""Factors, each below 1e18, that are multiplied before a logarithm is taken."""
+NOTHING = 1e-9
+"""Factors below add nothing."""
+LONGEST_STEP = 0.1
+"""Radians; a longer step leaves the basin."""
+
+
+@jit
+def shape_cell(slope_l, slope_r):  # type: ignore[no-untyped-def]
+    """Give the cell of (ratio, elevation): RATIO_CELLS x ELEVATION_CELLS of them, row by row.
+
+    Slopes are tangents of elevations. Nothing depends on which view is L, nor on what is up.
+    """
+    far, near = abs(slope_l), abs(slope_r)
+    if near < far:
+        far, near = near, far
+    r = far / near if near > 0.0 else 0.0
+    if slope_l * slope_r >= 0.0:
+        even = RATIO_CELLS - NEGATIVE_CELLS
+        ratio = NEGATIVE_CELLS + min(int(r * even), even - 1)
+    elif r > 0.3:
+        ratio = 0
+    elif r > 0.1:
+        ratio = 1
+    elif r > 0.03:
+        ratio = 2
+    else:
+        ratio = 3
+    share = np.sqrt(np.arctan(near) * (2.0 / np.pi))
+    return ratio * ELEVATION_CELLS + min(int(share * ELEVATION_CELLS), ELEVATION_CELLS - 1)
+
+
+@jit
+def coordinates(bearing, sin_theta, cos_theta, sin_phi, cos_phi, slopes):  # type: ignore[no-untyped-def]
+    """Give the residual in radians and the parallax's step of a correspondence at a pose.
+
+    ``bearing`` (8,) sines and cosines: of azimuth_l, elevation_l, azimuth_r, elevation_r.
+    ``slopes`` (2,) out: the residual's derivatives by theta and phi. The step is -1 where the
+    lines of sight lie on different sides of the baseline.
+    """
+    sin_u = sin_theta * bearing[1] - cos_theta * bearing[0]
+    cos_u = cos_theta * bearing[1] + sin_theta * bearing[0]
+    sin_v = sin_phi * bearing[5] - cos_phi * bearing[4]
+    cos_v = cos_phi * bearing[5] + sin_phi * bearing[4]
+    sin_l, cos_l, sin_r, cos_r = bearing[2], bearing[3], bearing[6], bearing[7]
+    p, q = sin_r * cos_l, sin_l * cos_r
+    # the gradient by the four measured angles, arcs of the sphere all of them
+    across_l = sin_r * cos_u
+    upward_l = cos_l * cos_r * sin_v - sin_r * sin_l * sin_u
+    across_r = sin_l * cos_v
+    upward_r = cos_r * cos_l * sin_u - sin_l * sin_r * sin_v
+    square = across_l**2 + upward_l**2 + across_r**2 + upward_r**2
+    norm = 1.0 / np.sqrt(square + 1e-24)
+    slopes[0] = p * cos_u * norm
+    slopes[1] = q * cos_v * norm
+    residual = (p * sin_u + q * sin_v) * norm
+    # L sees the landmark at -u from the baseline, R at v: on one side of it if the signs of their
+    # sines agree, and then gamma = pi - |u - v|
+    if sin_u * sin_v > 0.0:
+        return residual, -1
+    apex = sin_u * cos_v - cos_u * sin_v
+    cosine = cos_u * cos_v + sin_u * sin_v
+    half = np.sqrt(max(0.5 + 0.5 * cosine, 0.0))
+    if (sin_u - sin_v) * apex < 0.0:
+        half = -half
+    return residual, int((half + 1.0) * HALF_STEPS)
+
+
+@jit
+def _agreement(residual, row):  # type: ignore[no-untyped-def]
+    """Look a residual up in the profile of an elevation, ``row`` (residual nodes,)."""
+    share = np.sqrt(abs(residual) * (1.0 / RESIDUAL_MAX)) * RESIDUAL_CELLS
+    k = int(share)
+    if k >= RESIDUAL_CELLS:
+        return 0.0
+    return row[k] + (share - k) * (row[k + 1] - row[k])
+
+
+@jit
+def _uniform(state):  # type: ignore[no-untyped-def]
+    """Draw from [0, 1): splitmix64, as the simulator does."""
+    state[0] += np.uint64(0x9E3779B97F4A7C15)
+    z = state[0]
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    z = z ^ (z >> np.uint64(31))
+    return (z >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+
+
+@jit
+def describe(slopes, out):  # type: ignore[no-untyped-def]
+    """Turn ``slopes`` (n, 4) [azimuth_l, slope_l, azimuth_r, slope_r] into ``out`` (n, 8).
+
+    Sines and cosines of azimuth_l, elevation_l, azimuth_r, elevation_r.
+    """
+    for i in range(slopes.shape[0]):
+        for view in range(2):
+            azimuth, slope = slopes[i, 2 * view], slopes[i, 2 * view + 1]
+            cosine = 1.0 / np.sqrt(1.0 + slope * slope)
+            out[i, 4 * view] = np.sin(azimuth)
+            out[i, 4 * view + 1] = np.cos(azimuth)
+            out[i, 4 * view + 2] = slope * cosine
+            out[i, 4 * view + 3] = cosine
+
+
+@jit
+def mean_parallax(bearings, theta, phi, lookup, band):  # type: ignore[no-untyped-def]
+    """Average sin(gamma / 2) of the correspondences that agree with a pose; 0 if none does.
+
+    ``bearings`` (n, 8), ``band`` the largest residual that agrees, radians.
+    """
+    sin_theta, cos_theta = np.sin(theta), np.cos(theta)
+    sin_phi, cos_phi = np.sin(phi), np.cos(phi)
+    slopes = np.empty(2)
+    total = 0.0
+    agreeing = 0
+    for i in range(bearings.shape[0]):
+        residual, step = coordinates(bearings[i], sin_theta, cos_theta, sin_phi, cos_phi, slopes)
+        if abs(residual) < band and step >= 0 and lookup[step] > 0:
+            total += step / HALF_STEPS - 1.0
+            agreeing += 1
+    return total / agreeing if agreeing > 0 else 0.0
+
+
+@jit
+def count_true(slopes, headings, weights, lookup, band, edges, bearings, inside, profile, seen):  # type: ignore[no-untyped-def]
+    """Count correspondences at the true poses of their pairs.
+
+    ``slopes`` (p, n, 4), ``headings`` (p, 2), ``weights`` (p,) of each pair's samples, ``lookup``
+    of `axes.parallax_lookup`, ``band`` radians, ``edges`` (C - 1,) between the depth classes'
+    mean parallaxes, ``bearings`` (n, 8) scratch. Out: ``inside`` (C, parallax, shape) the
+    samples with a residual below the band; ``profile`` (elevation, residual) and ``seen`` (C,)
+    all samples.
+    """
+    ignored = np.empty(2)
+    for p in range(slopes.shape[0]):
+        describe(slopes[p], bearings)
+        theta, phi, weight = headings[p, 0], headings[p, 1], weights[p]
+        depth = 0
+        if edges.size > 0:
+            mean = mean_parallax(bearings, theta, phi, lookup, band)
+            for k in range(edges.size):
+                depth += mean > edges[k]
+        sin_theta, cos_theta = np.sin(theta), np.cos(theta)
+        sin_phi, cos_phi = np.sin(phi), np.cos(phi)
+        for i in range(slopes.shape[1]):
+            residual, step = coordinates(
+                bearings[i], sin_theta, cos_theta, sin_phi, cos_phi, ignored
+            )
+            residual = abs(residual)
+            shape = shape_cell(slopes[p, i, 1], slopes[p, i, 3])
+            cell = lookup[step] if step >= 0 else 0
+            if residual < band:
+                inside[depth, cell, shape] += weight
+            share = np.sqrt(residual * (1.0 / RESIDUAL_MAX))
+            k = min(int(share * RESIDUAL_CELLS), RESIDUAL_CELLS)
+            profile[shape % ELEVATION_CELLS, k] += weight
+            seen[depth] += weight
+
+
+@jit
+def count_chance(slopes, state, draws, lookup, band, bearings, inside, profile):  # type: ignore[no-untyped-def]
+    """Count mismatches at random poses.
+
+    As `count_true`; each of the correspondences ``slopes`` (n, 4) is met at ``draws`` poses, drawn
+    uniform with the counter ``state`` (1,). Out: ``inside`` (parallax, shape), ``profile``
+    (elevation, residual).
+    """
+    ignored = np.empty(2)
+    describe(slopes, bearings)
+    for i in range(slopes.shape[0]):
+        shape = shape_cell(slopes[i, 1], slopes[i, 3])
+        for _ in range(draws):
+            theta, phi = TWO_PI * _uniform(state), TWO_PI * _uniform(state)
+            residual, step = coordinates(
+                bearings[i], np.sin(theta), np.cos(theta), np.sin(phi), np.cos(phi), ignored
+            )
+            residual = abs(residual)
+            cell = lookup[step] if step >= 0 else 0
+            if residual < band:
+                inside[cell, shape] += 1
+            share = np.sqrt(residual * (1.0 / RESIDUAL_MAX))
+            k = min(int(share * RESIDUAL_CELLS), RESIDUAL_CELLS)
+            profile[shape % ELEVATION_CELLS, k] += 1
+
+
+@jit
+def shape_cells(bearings, out):  # type: ignore[no-untyped-def]
+    """Give the cells of (ratio, elevation) of correspondences ``bearings`` (n, 8): ``out`` (n,)."""
+    for i in range(bearings.shape[0]):
+        cos_l, cos_r = max(bearings[i, 3], 1e-9), max(bearings[i, 7], 1e-9)
+        out[i] = shape_cell(bearings[i, 2] / cos_l, bearings[i, 6] / cos_r)
+
+
+@jit
+def _weigh(bearings, shapes, odds, headings, lookup, density, profile, factors, cells, jacobian, scores):  # type: ignore[no-untyped-def]
+    """Score one pose of one pair: the log-likelihood ratio in each depth class, ``scores`` (C,).
+
+    Out, a row a correspondence: ``factors`` (n,) odds times profile, ``cells`` (n,) of the
+    parallax, ``jacobian`` (n, 3) residual and its derivatives. O(n C).
+    """
+    classes = density.shape[2]
+    sin_theta, cos_theta = np.sin(headings[0]), np.cos(headings[0])
+    sin_phi, cos_phi = np.sin(headings[1]), np.cos(headings[1])
+    scores[:] = 0.0
+    for first in range(0, bearings.shape[0], PRODUCTS):
+        last = min(first + PRODUCTS, bearings.shape[0])
+        for i in range(first, last):
+            residual, step = coordinates(
+                bearings[i], sin_theta, cos_theta, sin_phi, cos_phi, jacobian[i, 1:]
+            )
+            jacobian[i, 0] = residual
+            cells[i] = lookup[step] if step >= 0 else 0
+            factors[i] = odds[i] * _agreement(residual, profile[shapes[i] % ELEVATION_CELLS])
+        for c in range(classes):
+            product = 1.0
+            for i in range(first, last):
+                if factors[i] > NOTHING:
+                    product *= 1.0 + factors[i] * density[cells[i], shapes[i], c]
+            scores[c] += np.log(product)
+
+
+@jit
+def _mean(scores):  # type: ignore[no-untyped-def]
+    """Give the log of the mean of exp(scores), and turn them into their shares."""
+    largest = scores.max()
+    total = 0.0
+    for c in range(scores.size):
+        scores[c] = np.exp(scores[c] - largest)
+        total += scores[c]
+    for c in range(scores.size):
+        scores[c] /= total
+    return largest + np.log(total / scores.size)
+
+
+@jit
+def score(bearings, shapes, odds, first, poses, owners, lookup, density, profile, out):  # type: ignore[no-untyped-def]
+    """Compute the log-likelihood ratio of pairs at poses: no grid, all depth classes.
+
+    ``bearings`` (n, 8), ``shapes`` (n,) and ``odds`` (n,) of true match to mismatch, of all pairs
+    one after the other; pair k has the rows ``first[k]`` to ``first[k + 1]``. ``poses`` (m, 2)
+    headings, ``owners`` (m,) the pairs that they belong to; ``density`` (parallax, shape, C),
+    ``profile`` (elevation, residual nodes). ``out`` (m,): log of the mean over the depth classes
+    of the product over the correspondences of (1 + odds density profile). O(m n C).
+    """
+    most = 0
+    for k in range(first.size - 1):
+        most = max(most, first[k + 1] - first[k])
+    factors, cells, jacobian = np.empty(most), np.empty(most, np.int64), np.empty((most, 3))
+    scores = np.empty(density.shape[2])
+    for m in range(poses.shape[0]):
+        low, high = first[owners[m]], first[owners[m] + 1]
+        _weigh(
+            bearings[low:high],
+            shapes[low:high],
+            odds[low:high],
+            poses[m],
+            lookup,
+            density,
+            profile,
+            factors,
+            cells,
+            jacobian,
+            scores,
+        )
+        out[m] = _mean(scores)
+
+
+@jit
+def maximize(bearings, shapes, odds, first, poses, owners, steps, lookup, density, profile, out, information):  # type: ignore[no-untyped-def]
+    """Climb to the maximum of the likelihood near poses, by expectation maximization.
+
+    As `score`, which is what it climbs. Each step weighs every correspondence with the probability
+    that it is a true match (all the table knows of it, in the depth classes as probable as the
+    pose's other correspondences make them), and solves the weighted least squares of the residuals.
+
+    ``poses`` (m, 2) in and out, at most ``steps`` steps each. Out: ``out`` (m,) the log-likelihood
+    ratio before the last step; ``information`` (m, 5): the entries (0, 0), (0, 1), (1, 1) of
+    J^T W J, the weighted sum of squared residuals and the sum of the weights.
+    """
+    most = 0
+    for k in range(first.size - 1):
+        most = max(most, first[k + 1] - first[k])
+    factors, cells, jacobian = np.empty(most), np.empty(most, np.int64), np.empty((most, 3))
+    scores = np.empty(density.shape[2])
+    for m in range(poses.shape[0]):
+        low, high = first[owners[m]], first[owners[m] + 1]
+        for _ in range(steps):
+            _weigh(
+                bearings[low:high],
+                shapes[low:high],
+                odds[low:high],
+                poses[m],
+                lookup,
+                density,
+                profile,
+                factors,
+                cells,
+                jacobian,
+                scores,
+            )
+            out[m] = _mean(scores)
+            a = b = c = g = h = squares = total = 0.0
+            for i in range(high - low):
+                if factors[i] <= NOTHING:
+                    continue
+                weight = 0.0
+                values = density[cells[i], shapes[low + i]]
+                for k in range(scores.size):
+                    ratio = factors[i] * values[k]
+                    weight += scores[k] * ratio / (1.0 + ratio)
+                residual, by_theta, by_phi = jacobian[i, 0], jacobian[i, 1], jacobian[i, 2]
+                a += weight * by_theta * by_theta
+                b += weight * by_theta * by_phi
+                c += weight * by_phi * by_phi
+                g += weight * by_theta * residual
+                h += weight * by_phi * residual
+                squares += weight * residual * residual
+                total += weight
+            information[m, 0], information[m, 1], information[m, 2] = a, b, c
+            information[m, 3], information[m, 4] = squares, total
+            # a little damping: a turn on the spot leaves one direction free
+            damping = 1e-6 * (a + c) + 1e-9
+            determinant = (a + damping) * (c + damping) - b * b
+            step_l = ((c + damping) * g - b * h) / determinant
+            step_r = ((a + damping) * h - b * g) / determinant
+            length = np.sqrt(step_l * step_l + step_r * step_r)
+            if length > LONGEST_STEP:
+                step_l *= LONGEST_STEP / length
+                step_r *= LONGEST_STEP / length
+            poses[m, 0] -= step_l
+            poses[m, 1] -= step_r
+            if length < 1e-6:
+                break

@@ -1,0 +1,415 @@
+"""Kernels of the grid: a correspondence adds its ridge, and touches no other cell.
+
+In each row of the grid (a heading of the view that is nearer to the landmark) the curve
+sin v = -r sin u crosses once, or twice where |r| is near 1. The cells around the crossing get one
+of few profiles, made beforehand (`ridges`): by how fast the residual grows from cell to cell,
+where within its cell the curve crosses, and how probable the landmark is there. A row costs one
+addition of eight numbers, or a few.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pflut._jit import jit
+from pflut._lanes import LANES, add_lanes, add_transposed
+from pflut._trig import fast_arctan2
+from pflut.geometry import TWO_PI
+
+SUBCELLS = 8
+"""Places within a cell where a curve may cross; the kernel takes them from an integer's bits."""
+WIDTH = 5 * LANES
+"""Cells of a profile: the block of eight around the crossing, and two on either side."""
+MIDDLE = 2 * LANES
+"""Where the middle block begins; its fourth cell holds the crossing."""
+LEFT = MIDDLE + LANES
+"""Columns before the grid's first one, into which profiles run; folded back at the end."""
+PAD = 2 * LEFT
+"""Columns that a plane has beyond the grid's."""
+LEVEL_STEPS = 512
+"""Steps of the parallax from LEVEL_FROM to pi, in which a landmark's level is looked up."""
+LEVEL_FROM = -0.3125
+GROWTH_OCTAVES = 5
+"""Classes of the residual's growth from 2 ** -GROWTH_OCTAVES to 1 radian a radian: four an octave,
+taken from the bits of a float32."""
+GROWTH_BITS = 21
+LEAST_GROWTH = (127 - GROWTH_OCTAVES) << (23 - GROWTH_BITS)
+NUM_GROWTHS = 4 * GROWTH_OCTAVES + 1
+FLAT = 0.2
+"""Growth of the residual for a unit of its second derivative, where the curve is flat: over the
+width of a ridge."""
+MERGED = 1.35
+"""Radians from the baseline beyond which the two branches share a ridge."""
+HALF_PI = 0.5 * np.pi
+BAND = 32
+"""Rows that stay in the first-level cache while a chunk of correspondences is added."""
+CHUNK = 32
+"""Correspondences whose crossings are kept at a time."""
+
+
+@jit
+def _crossings(line, first, obtuse, sines, cosines, growths, places, steps):  # type: ignore[no-untyped-def]
+    """Find where a curve crosses rows, and what decides on the profile; the loop is vectorised.
+
+    ``line`` (8,) float32: azimuths of the near view (of its row 0) and of the far view in cells;
+    sine and cosine of the near one; the factors of sin u and sin v in the constraint; the
+    gradient's coefficient; cells a turn. ``first`` row; ``sines``, ``cosines`` (n,) float32 of
+    the rows' headings. Out, (n,): ``growths`` float32 of the residual along the row, radians a
+    radian; int32 ``places`` of the crossing in 1 / SUBCELLS of a cell, ``steps`` of the parallax.
+    """
+    near, far, sine, cosine = line[0], line[1], line[2], line[3]
+    p, q, c, turn = line[4], line[5], line[6], line[7]
+    one, half, zero, pi = np.float32(1.0), np.float32(0.5), np.float32(0.0), np.float32(np.pi)
+    cells = turn * np.float32(1.0 / TWO_PI)
+    r = p / q
+    constant = p * p + q * q + np.float32(1e-20)
+    scale = np.float32(LEVEL_STEPS / (np.pi - LEVEL_FROM))
+    for i in range(sines.size):
+        sin_u = sines[i] * cosine - cosines[i] * sine
+        sin_v = -r * sin_u
+        x = min(abs(sin_v), one)
+        cos_v = np.sqrt(one - x * x)
+        # arcsine: Abramowitz and Stegun, 4.4.46
+        a = np.float32(-0.0012624911) * x + np.float32(0.0066700901)
+        a = a * x + np.float32(-0.0170881256)
+        a = a * x + np.float32(0.0308918810)
+        a = a * x + np.float32(-0.0501743046)
+        a = a * x + np.float32(0.0889789874)
+        a = a * x + np.float32(-0.2145988016)
+        a = a * x + np.float32(1.5707963050)
+        angle = np.float32(HALF_PI) - np.sqrt(one - x) * a
+        angle = pi - angle if obtuse else angle
+        v = angle if sin_v > zero else -angle
+        norm = one / np.sqrt(constant + sin_u * sin_u * c)
+        growth = abs(q) * cos_v * norm
+        bend = abs(q) * x * norm
+        growth = max(growth, half * growth + np.float32(FLAT) * bend)
+        row = np.float32(first + i) - near
+        away = abs(row - turn * np.floor(row / turn + half))
+        gamma = pi - angle - away / cells
+        step = min(max((gamma - np.float32(LEVEL_FROM)) * scale, zero), np.float32(LEVEL_STEPS))
+        place = v * cells + far
+        place = place - turn * np.floor(place / turn)
+        growths[i] = min(max(growth, np.float32(0.5**GROWTH_OCTAVES)), one)
+        places[i] = np.int32(place * np.float32(SUBCELLS))
+        steps[i] = np.int32(step)
+
+
+@jit
+def _addresses(base, bits, places, starts):  # type: ignore[no-untyped-def]
+    """Find where profiles begin; the loop is vectorised.
+
+    ``base`` the first profile of the correspondence's elevation, ``bits`` (n,) the growths' floats
+    as int32, ``places`` (n,). ``starts`` (n,) int32: the middle block of the lowest level.
+    """
+    for i in range(places.size):
+        growth = (bits[i] >> np.int32(GROWTH_BITS)) - np.int32(LEAST_GROWTH)
+        profile = base + growth * np.int32(SUBCELLS) + (places[i] & np.int32(SUBCELLS - 1))
+        starts[i] = profile * np.int32(WIDTH) + np.int32(MIDDLE)
+
+
+@jit
+def _stamp(growths, starts, places, steps, row, first, last, levels, shift, size, near_by, profiles, plane, stride):  # type: ignore[no-untyped-def]
+    """Add a profile to each of the rows from ``first`` to ``last``; ``row`` is the plane's first.
+
+    ``growths``, ``places`` and ``steps`` of `_crossings`, ``starts`` of `_addresses`, (B,);
+    ``levels`` (LEVEL_STEPS + 1,) int16 of the landmark's probability, to which the correspondence
+    adds ``shift``, negative for none; ``size`` numbers from one level's profiles to the next's;
+    ``near_by`` float32, the growth below which a profile is wider than its middle block.
+    """
+    target = (first - row) * stride + LEFT - 3
+    for i in range(first, last):
+        level = np.int64(levels[np.uintp(steps[np.uintp(i)])]) + shift
+        if level >= 0:
+            start = np.int64(starts[np.uintp(i)]) + level * size
+            at = target + (np.int64(places[np.uintp(i)]) >> 3)
+            add_lanes(plane, at, profiles, start)
+            growth = growths[np.uintp(i)]
+            if growth < near_by:
+                add_lanes(plane, at - LANES, profiles, start - LANES)
+                add_lanes(plane, at + LANES, profiles, start + LANES)
+                if growth < np.float32(3.0 / 11.0) * near_by:
+                    add_lanes(plane, at - 2 * LANES, profiles, start - 2 * LANES)
+                    add_lanes(plane, at + 2 * LANES, profiles, start + 2 * LANES)
+        target += stride
+
+
+@jit
+def _fold(plane, rows, bins, stride):  # type: ignore[no-untyped-def]
+    """Add the columns beyond both ends of each row where they belong on the circle."""
+    for row in range(rows):
+        first = row * stride + LEFT
+        if bins >= LEFT:
+            for j in range(0, LEFT, LANES):
+                add_lanes(plane, first + bins - LEFT + j, plane, first - LEFT + j)
+                add_lanes(plane, first + j, plane, first + bins + j)
+        else:
+            for j in range(LEFT):
+                plane[first + (-1 - j) % bins] += plane[first - 1 - j]
+                plane[first + j % bins] += plane[first + bins + j]
+
+
+@jit
+def _add_rows(plane, row, rows, stride, bins, out):  # type: ignore[no-untyped-def]
+    """Add a band of a plane, ``rows`` rows from ``row`` on, to the grid ``out`` (B * B,)."""
+    whole = bins - bins % LANES
+    for i in range(rows):
+        source = i * stride + LEFT
+        target = (row + i) * bins
+        for j in range(0, whole, LANES):
+            add_lanes(out, target + j, plane, source + j)
+        for j in range(whole, bins):
+            out[target + j] += plane[source + j]
+
+
+@jit
+def _add_columns(plane, row, rows, stride, bins, out):  # type: ignore[no-untyped-def]
+    """Add a band of a plane, ``rows`` rows from ``row`` on, to the columns of ``out`` (B * B,)."""
+    whole = bins - bins % LANES
+    high = rows - rows % LANES
+    for i in range(0, high, LANES):
+        for j in range(0, whole, LANES):
+            add_transposed(out, j * bins + row + i, bins, plane, i * stride + LEFT + j, stride)
+    for j in range(bins):
+        for i in range(high if j < whole else 0, rows):
+            out[j * bins + row + i] += plane[i * stride + LEFT + j]
+
+
+@jit
+def _line(bearing, bins, line):  # type: ignore[no-untyped-def]
+    """Describe a correspondence's curve for `_crossings`; give the nearer view, 0 for L, r and its azimuth.
+
+    ``bearing`` (8,) sines and cosines. Where both points lie on the horizon r is NaN.
+    """
+    sin_l, cos_l, sin_r, cos_r = bearing[2], bearing[3], bearing[6], bearing[7]
+    p, q = sin_r * cos_l, sin_l * cos_r
+    view = 0
+    if abs(p) > abs(q):
+        p, q = q, p
+        view = 1
+    r = p / q
+    cells = bins / TWO_PI
+    sine, cosine = bearing[4 * view], bearing[4 * view + 1]
+    near = fast_arctan2(sine, cosine)
+    far = fast_arctan2(bearing[4 - 4 * view], bearing[5 - 4 * view])
+    both, height = cos_l * cos_r, sin_l * sin_r
+    # headings are those of the cells' centres, places are rounded to the nearest
+    line[0] = near * cells - 0.5
+    line[1] = far * cells - 0.5 + 0.5 / SUBCELLS
+    line[2], line[3], line[4], line[5] = sine, cosine, p, q
+    line[6] = (both * r + height) ** 2 + (both + height * r) ** 2 - 2.0 * p * p
+    line[7] = bins
+    return view, r, near
+
+
+@jit
+def ridge_grid(bearings, shapes, shifts, constant, sines, cosines, levels, highest, reach, bases, near_by, size, profiles, plane, line, parts, growths, bits, integers, out):  # type: ignore[no-untyped-def]
+    """Compute the log-likelihood ratio of one pair over the grid of poses: O(n B).
+
+    ``bearings`` (n, 8) sines and cosines, ``shapes`` (n,) of `shape_cells`, ``shifts`` (n,) of
+    the levels by each correspondence's odds; ``constant`` is added to every cell. ``sines``,
+    ``cosines`` (B,) float32 of the rows' headings. ``levels`` (shape, LEVEL_STEPS + 1) int16 and
+    ``highest`` (shape,) of them, ``reach`` (shape,) by how much lines of sight may diverge,
+    radians, ``bases`` (shape,) int32 of the profiles; ``near_by``, ``size`` and ``profiles`` as
+    `_stamp` takes them. Scratch: ``plane`` (BAND (B + PAD),), ``line`` (8,), ``growths``
+    (CHUNK, B) float32 and ``bits``, the same memory as int32, ``parts`` (4, CHUNK) int64,
+    ``integers`` (3, CHUNK, B) int32. ``out`` (B * B,) float32.
+    """
+    bins = sines.size
+    stride = bins + PAD
+    cells = bins / TWO_PI
+    starts, places, steps = integers[0], integers[1], integers[2]
+    owners, views, firsts, lasts = parts[0], parts[1], parts[2], parts[3]
+    out[:] = constant
+    n = bearings.shape[0]
+    i = 0
+    while i < n:
+        # the crossings of a chunk of correspondences: an acute branch, and parts of an obtuse one
+        chunk = 0
+        while i < n and chunk + 3 <= CHUNK:
+            shape = shapes[i]
+            view, r, near = _line(bearings[i], bins, line)
+            if highest[shape] + shifts[i] >= 0 and r == r:
+                owners[chunk], views[chunk], firsts[chunk], lasts[chunk] = i, view, 0, bins
+                _crossings(
+                    line, 0, False, sines, cosines, growths[chunk], places[chunk], steps[chunk]
+                )
+                _addresses(bases[shape], bits[chunk], places[chunk], starts[chunk])
+                chunk += 1
+            if highest[shape] + shifts[i] >= 0 and r > 0.0:
+                # its lines of sight diverge by at least (1 - r) |u|
+                limit = min(reach[shape] / max(1.0 - r, 1e-9), MERGED)
+                low = int(np.ceil((near - limit) * cells - 0.5))
+                high = int(np.floor((near + limit) * cells - 0.5)) + 1
+                for turn in range(-bins, bins + 1, bins):
+                    first, last = max(low + turn, 0), min(high + turn, bins)
+                    if first < last:
+                        owners[chunk], views[chunk] = i, view
+                        firsts[chunk], lasts[chunk] = first, last
+                        _crossings(
+                            line,
+                            first,
+                            True,
+                            sines[first:last],
+                            cosines[first:last],
+                            growths[chunk, first:last],
+                            places[chunk, first:last],
+                            steps[chunk, first:last],
+                        )
+                        _addresses(
+                            bases[shape],
+                            bits[chunk, first:last],
+                            places[chunk, first:last],
+                            starts[chunk, first:last],
+                        )
+                        chunk += 1
+            i += 1
+        for view in range(2):
+            for row in range(0, bins, BAND):
+                end = min(row + BAND, bins)
+                plane[:] = 0.0
+                for k in range(chunk):
+                    if views[k] == view and firsts[k] < end and lasts[k] > row:
+                        _stamp(
+                            growths[k],
+                            starts[k],
+                            places[k],
+                            steps[k],
+                            row,
+                            max(row, firsts[k]),
+                            min(end, lasts[k]),
+                            levels[shapes[owners[k]]],
+                            shifts[owners[k]],
+                            size,
+                            near_by,
+                            profiles,
+                            plane,
+                            stride,
+                        )
+                _fold(plane, end - row, bins, stride)
+                if view == 0:
+                    _add_rows(plane, row, end - row, stride, bins, out)
+                else:
+                    _add_columns(plane, row, end - row, stride, bins, out)
+
+
+@jit
+def _maxima(grid, bins, margin, found):  # type: ignore[no-untyped-def]
+    """Find the highest local maxima of a periodic grid (B * B,); give their number.
+
+    Those within ``margin`` of the highest one, at most as many as ``found`` (k, 3) has rows:
+    [row, column, value], the highest first; places are between the cells' centres, by a parabola
+    along each axis.
+    """
+    most = found.shape[0]
+    least = grid.max() - margin
+    count = 0
+    for i in range(bins):
+        here = i * bins
+        above, below = (i - 1) % bins * bins, (i + 1) % bins * bins
+        for j in range(bins):
+            value = grid[np.uintp(here + j)]
+            if value < least:
+                continue
+            left, right = (j - 1) % bins, (j + 1) % bins
+            north, south = grid[above + j], grid[below + j]
+            west, east = grid[here + left], grid[here + right]
+            # of cells that are equal, the last one is the maximum
+            if not (value > south and value > east and value >= north and value >= west):
+                continue
+            if value < grid[above + left] or value < grid[above + right]:
+                continue
+            if value <= grid[below + left] or value <= grid[below + right]:
+                continue
+            if count == most and value <= found[most - 1, 2]:
+                continue
+            k = min(count, most - 1)
+            while k > 0 and found[k - 1, 2] < value:
+                found[k] = found[k - 1]
+                k -= 1
+            along = 2.0 * value - west - east
+            across = 2.0 * value - north - south
+            found[k, 0] = i + (0.5 * (south - north) / across if across > 0.0 else 0.0)
+            found[k, 1] = j + (0.5 * (east - west) / along if along > 0.0 else 0.0)
+            found[k, 2] = value
+            count = min(count + 1, most)
+    return count
+
+
+@jit
+def _log_mean_exp(grid):  # type: ignore[no-untyped-def]
+    """Give the log of the mean of exp(grid), to some thousandths; the loop is vectorised.
+
+    exp(x) is (1 + x / 4096) ** 4096.
+    """
+    largest = grid.max()
+    total = 0.0
+    for i in range(grid.size):
+        x = max(grid[i] - largest, np.float32(-40.0)) * np.float32(1.0 / 4096.0) + np.float32(1.0)
+        x = x * x
+        x = x * x
+        x = x * x
+        x = x * x
+        x = x * x
+        x = x * x
+        x = x * x
+        x = x * x
+        x = x * x
+        x = x * x
+        x = x * x
+        x = x * x
+        total += x
+    return largest + np.log(total / grid.size)
+
+
+@jit
+def ridge_candidates(bearings, shapes, shifts, first, margin, sines, cosines, levels, highest, reach, bases, near_by, size, profiles, plane, line, parts, growths, bits, integers, grid, found, poses, values, owners, evidence):  # type: ignore[no-untyped-def]
+    """Find candidate poses of many pairs: the highest local maxima of their grids.
+
+    As `ridge_grid` for pair k of the rows ``first[k]`` to ``first[k + 1]``, and `_maxima`, with
+    ``grid`` (B * B,) float32 and ``found`` (K, 3) as scratch. Out, for up to K candidates a pair:
+    ``poses`` (m, 2) headings, ``values`` (m,) of the grid, ``owners`` (m,) the pairs; and for each
+    pair ``evidence`` (p,), the log of the mean of the grid's exponentials. Gives the number of
+    candidates. A pair has at least one.
+    """
+    bins = sines.size
+    cell = TWO_PI / bins
+    total = 0
+    for k in range(first.size - 1):
+        low, high = first[k], first[k + 1]
+        ridge_grid(
+            bearings[low:high],
+            shapes[low:high],
+            shifts[low:high],
+            np.float32(0.0),
+            sines,
+            cosines,
+            levels,
+            highest,
+            reach,
+            bases,
+            near_by,
+            size,
+            profiles,
+            plane,
+            line,
+            parts,
+            growths,
+            bits,
+            integers,
+            grid,
+        )
+        evidence[k] = _log_mean_exp(grid)
+        count = _maxima(grid, bins, margin, found)
+        if count == 0:
+            # a plateau has no maximum
+            best = grid.argmax()
+            found[0, 0], found[0, 1], found[0, 2] = best // bins, best % bins, grid[best]
+            count = 1
+        for c in range(count):
+            poses[total, 0] = (found[c, 0] + 0.5) * cell
+            poses[total, 1] = (found[c, 1] + 0.5) * cell
+            values[total] = found[c, 2]
+            owners[total] = k
+            total += 1
+    return total

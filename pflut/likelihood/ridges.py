@@ -1,0 +1,286 @@
+"""The profiles that a correspondence adds to the grid, made from a residual table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pflut.geometry import TWO_PI, FloatArray
+from pflut.likelihood.axes import (
+    ELEVATION_CELLS,
+    NEGATIVE_CELLS,
+    PARALLAX_CELLS,
+    RATIO_CELLS,
+    parallax_edges,
+    residual_nodes,
+)
+from pflut.likelihood.ridge_kernels import (
+    BAND,
+    CHUNK,
+    GROWTH_OCTAVES,
+    LEVEL_FROM,
+    LEVEL_STEPS,
+    MIDDLE,
+    NUM_GROWTHS,
+    PAD,
+    SUBCELLS,
+    WIDTH,
+    ridge_candidates,
+    ridge_grid,
+)
+
+LEVEL_MIN, LEVEL_STEP, NUM_LEVELS = -4.0, 0.5, 28
+"""Levels of log(odds times density times the profile's height)."""
+NEGLIGIBLE = 0.05
+TYPICAL_LEVEL = 14
+"""Where the log-likelihood ratio of such a landmark is negligible, its profile ends."""
+CELL_WIDTH = 0.61
+"""Half-width of the box that stands for a cell across the curve, in cells along a row.
+
+A cell is uniform along both headings; the curve's slope is between 0 and 1."""
+ELEVATIONS_A_KIND = 3
+FINE = 4096
+
+
+@dataclass(frozen=True, eq=False)
+class Ridges:
+    """What `ridge_grid` needs of a table, for grids of so many bins.
+
+    Parameters
+    ----------
+    bins : int
+        Cells an axis.
+    sines, cosines : ndarray of shape (bins,), float32
+        Of the cells' headings.
+    levels : ndarray of shape (shapes, LEVEL_STEPS + 1), int16
+        How probable a landmark is at a parallax, in steps of LEVEL_STEP nat, at even odds.
+    reach : ndarray of shape (shapes,)
+        By how much lines of sight may diverge, radians.
+    bases : ndarray of shape (shapes,), int32
+        First profile of each kind of elevation.
+    near_by : float32
+        Growth of the residual below which a profile is wider than eight cells.
+    profiles : ndarray of shape (levels, kinds, growths, SUBCELLS, WIDTH), float32
+        Log-likelihood ratios.
+    """
+
+    bins: int
+    sines: NDArray[np.float32]
+    cosines: NDArray[np.float32]
+    levels: NDArray[np.int16]
+    reach: FloatArray
+    bases: NDArray[np.int32]
+    near_by: np.float32
+    profiles: NDArray[np.float32]
+
+    def shifts(self, odds: FloatArray, shapes: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return by how many levels correspondences with such odds are more probable.
+
+        Parameters
+        ----------
+        odds : ndarray of shape (n,)
+            True match to mismatch.
+        shapes : ndarray of shape (n,), int64
+
+        Returns
+        -------
+        ndarray of shape (n,), int64
+        """
+        shift = np.rint(np.log(odds) / LEVEL_STEP).astype(np.int64)
+        # the highest level of a shape must stay within the profiles
+        return np.minimum(shift, NUM_LEVELS - 1 - self._highest[shapes])
+
+    @cached_property
+    def _highest(self) -> NDArray[np.int64]:
+        return self.levels.max(axis=1).astype(np.int64)
+
+    def grid(
+        self, bearings: FloatArray, shapes: NDArray[np.int64], odds: FloatArray
+    ) -> NDArray[np.float32]:
+        """Sum correspondences' log-likelihood ratios over the grid of poses.
+
+        Parameters
+        ----------
+        bearings : ndarray of shape (n, 8)
+            Sines and cosines of azimuth_l, elevation_l, azimuth_r, elevation_r.
+        shapes : ndarray of shape (n,), int64
+        odds : ndarray of shape (n,)
+            True match to mismatch.
+
+        Returns
+        -------
+        ndarray of shape (bins, bins), float32
+            Over (heading_l, heading_r).
+        """
+        out = np.empty(self.bins * self.bins, np.float32)
+        constant = np.float32(-np.log1p(odds).sum())
+        shifts = self.shifts(odds, shapes)
+        ridge_grid(bearings, shapes, shifts, constant, *self._arguments, *self._scratch(), out)
+        return out.reshape(self.bins, self.bins)
+
+    def candidates(
+        self,
+        bearings: FloatArray,
+        shapes: NDArray[np.int64],
+        odds: FloatArray,
+        first: NDArray[np.int64],
+        *,
+        margin: float,
+        most: int,
+    ) -> tuple[FloatArray, FloatArray, NDArray[np.int64], FloatArray]:
+        """Find the highest local maxima of the grids of many pairs.
+
+        Parameters
+        ----------
+        bearings, shapes, odds
+            As `grid`, of all pairs one after the other.
+        first : ndarray of shape (pairs + 1,)
+            The row of each pair's first correspondence, and the number of them all.
+        margin : float
+            Nats below a grid's maximum.
+        most : int
+            Candidates a pair.
+
+        Returns
+        -------
+        poses : ndarray of shape (m, 2)
+            Headings, radians; at least one a pair.
+        values : ndarray of shape (m,)
+            Of the grid, but for a constant of the pair.
+        owners : ndarray of shape (m,), int64
+            The pairs, ascending.
+        evidence : ndarray of shape (pairs,)
+            Log of the mean of each grid's exponentials, but for the same constant.
+        """
+        pairs = len(first) - 1
+        poses = np.empty((pairs * most, 2))
+        values = np.empty(pairs * most)
+        owners = np.empty(pairs * most, np.int64)
+        evidence = np.empty(pairs)
+        count = ridge_candidates(
+            bearings,
+            shapes,
+            self.shifts(odds, shapes),
+            first,
+            margin,
+            *self._arguments,
+            *self._scratch(),
+            np.empty(self.bins * self.bins, np.float32),
+            np.empty((most, 3)),
+            poses,
+            values,
+            owners,
+            evidence,
+        )
+        return poses[:count], values[:count], owners[:count], evidence
+
+    @cached_property
+    def _arguments(self) -> tuple[Any, ...]:
+        """What the kernels take of these."""
+        return (
+            self.sines,
+            self.cosines,
+            self.levels,
+            self._highest,
+            self.reach,
+            self.bases,
+            self.near_by,
+            self.profiles[0].size,
+            self.profiles.ravel(),
+        )
+
+    def _scratch(self) -> tuple[Any, ...]:
+        growths = np.empty((CHUNK, self.bins), np.float32)
+        return (
+            np.empty(BAND * (self.bins + PAD), np.float32),
+            np.empty(8, np.float32),
+            np.empty((4, CHUNK), np.int64),
+            growths,
+            growths.view(np.int32),
+            np.empty((3, CHUNK, self.bins), np.int32),
+        )
+
+
+def make_ridges(density: FloatArray, profile: FloatArray, bins: int) -> Ridges:
+    """Make the profiles of a table for grids of so many bins.
+
+    Parameters
+    ----------
+    density : ndarray of shape (PARALLAX_CELLS, shapes)
+        Density ratio, all depth classes together.
+    profile : ndarray of shape (ELEVATION_CELLS, residual nodes)
+    bins : int
+
+    Returns
+    -------
+    Ridges
+    """
+    kinds = ELEVATION_CELLS // ELEVATIONS_A_KIND
+    height = np.maximum(profile[:, : profile.shape[1] // 8].mean(axis=1), 1e-9)
+    kind_profiles = (profile / height[:, None]).reshape(kinds, ELEVATIONS_A_KIND, -1).mean(axis=1)
+    elevation = np.arange(density.shape[1]) % ELEVATION_CELLS
+    with np.errstate(divide="ignore"):
+        log_density = np.log(density * height[elevation])
+    levels = np.floor((log_density - LEVEL_MIN) / LEVEL_STEP + 0.5).clip(-1000, NUM_LEVELS - 1)
+
+    steps = LEVEL_FROM + (np.arange(LEVEL_STEPS + 1) + 0.5) * ((np.pi - LEVEL_FROM) / LEVEL_STEPS)
+    cells = np.searchsorted(parallax_edges(), steps, side="right").clip(0, PARALLAX_CELLS - 1)
+    level_table = levels[cells].T.astype(np.int16)
+    # on different sides of the horizon the curve is where lines of sight are on different sides
+    apart = np.repeat(np.arange(RATIO_CELLS) < NEGATIVE_CELLS, ELEVATION_CELLS)
+    level_table[apart] = levels[0, apart].astype(np.int16)[:, None]
+    # how far below zero the parallax may be, at even odds
+    may_be = (level_table > 0) & (cells > 0)
+    first = np.where(may_be.any(axis=1), may_be.argmax(axis=1), LEVEL_STEPS)
+    reach = np.maximum(-steps[first], 0.0)
+
+    cell = TWO_PI / bins
+    ratios = np.exp(LEVEL_MIN + LEVEL_STEP * np.arange(NUM_LEVELS))
+    offsets = np.arange(WIDTH) - MIDDLE - 3 - np.arange(SUBCELLS)[:, None] / SUBCELLS
+    # four classes an octave, even in a float's mantissa: their middles
+    octave, quarter = np.divmod(np.arange(NUM_GROWTHS), 4)
+    growths = 2.0 ** (octave - GROWTH_OCTAVES) * (1.0 + (quarter + 0.5) / 4.0)
+    profiles = np.empty((NUM_LEVELS, kinds, NUM_GROWTHS, SUBCELLS, WIDTH), np.float32)
+    for k, growth in enumerate(growths):
+        slope = growth * cell
+        mean = _box_mean(kind_profiles, offsets * slope, CELL_WIDTH * slope)
+        profiles[:, :, k] = np.log1p(ratios[:, None, None, None] * mean)
+    angles = (np.arange(bins) + 0.5) * cell
+    return Ridges(
+        bins=bins,
+        sines=np.sin(angles).astype(np.float32),
+        cosines=np.cos(angles).astype(np.float32),
+        levels=np.ascontiguousarray(level_table),
+        reach=reach,
+        bases=(elevation // ELEVATIONS_A_KIND * (NUM_GROWTHS * SUBCELLS)).astype(np.int32),
+        near_by=np.float32(_extent(kind_profiles, ratios[TYPICAL_LEVEL]) / (3.0 * cell)),
+        profiles=profiles,
+    )
+
+
+def _extent(profiles: FloatArray, ratio: float) -> float:
+    """Give the residual beyond which no profile matters, radians."""
+    matters = (np.log1p(ratio * profiles) > NEGLIGIBLE).any(axis=0)
+    return float(residual_nodes()[np.flatnonzero(matters).max(initial=0)])
+
+
+def _box_mean(profiles: FloatArray, residuals: FloatArray, half: float) -> FloatArray:
+    """Average profiles over [residual - half, residual + half]; (kinds, *residuals.shape)."""
+    nodes = residual_nodes()
+    fine = np.linspace(0.0, nodes[-1], FINE)
+    low, high = residuals - half, residuals + half
+    means = []
+    for profile in profiles:
+        values = np.interp(fine, nodes, profile)
+        integral = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]))])
+        integral *= fine[1]
+
+        def below(x: FloatArray, integral: FloatArray = integral) -> FloatArray:
+            return np.sign(x) * np.interp(np.abs(x), fine, integral)
+
+        means.append((below(high) - below(low)) / (2.0 * half))
+    return np.stack(means)

@@ -1,0 +1,215 @@
+"""The maximum-likelihood relative pose, from coarse to fine, of many pairs at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pflut.correspondences import Correspondences
+from pflut.geometry import FloatArray, rotation_from_headings, wrap_to_pi
+from pflut.likelihood.residual_kernels import maximize
+from pflut.likelihood.table import LikelihoodTable, bearing_table
+from pflut.relpose.kernels import judge, refine_many
+from pflut.relpose.result import UNIFORM_VARIANCE, RelativePose
+
+COARSE_BINS = 64
+"""Cells an axis of the grid in which candidates are looked for."""
+MOST_CANDIDATES = 16
+MARGIN = 10.0
+"""Nats below a coarse grid's maximum at which a candidate is given up."""
+CUTOFFS = (6.0, 3.0)
+"""The biweight's cut-offs in standard deviations, from the grid's accuracy down to the noise's."""
+STEPS_PER_CUTOFF = 2
+CLIMBS = ((16, 1), (3, 2), (1, 8))
+"""So many best candidates of a pair climb so many steps; then the better ones go on."""
+INLIER_CUTOFF = 3.0
+MIN_INLIERS = 3
+SHIFTS = 16
+"""Certain mismatches looked at a correspondence, to measure what coincidence brings."""
+MAX_FALSE_ALARMS = 0.01
+BAND = 0.1
+"""Radians of the rotation within which poses count as one turn on the spot."""
+PAIRS_A_TASK = 64
+
+
+def estimate_relative_poses(
+    pairs: Sequence[Correspondences],
+    table: LikelihoodTable,
+    *,
+    noise: float | None = None,
+    bins: int = COARSE_BINS,
+    candidates: int = MOST_CANDIDATES,
+    num_threads: int = 1,
+) -> list[RelativePose]:
+    """Estimate the relative poses of many pairs of views by maximum likelihood.
+
+    1. A coarse grid of log-likelihoods, in which a cell is much wider than the noise but knows of
+       it: its highest local maxima are the candidates.
+    2. Each candidate moves to the nearest minimum of the biweight of residuals.
+    3. The likelihood is climbed from there by expectation maximization: least squares, weighted
+       with the probability that a correspondence is a true match. The better a candidate, the
+       farther it climbs; the highest one is the estimate.
+
+    Parameters
+    ----------
+    pairs : sequence of Correspondences
+        Each between a reference view L and a query view R.
+    table : LikelihoodTable
+    noise : float, optional
+        Standard deviation of the bearings, radians. Default: as the table has learned it.
+    bins : int
+        Cells an axis of the coarse grid.
+    candidates : int
+        Candidates a pair, at most. How often a better pose is missed: docs/results.md.
+    num_threads : int
+        Threads over which pairs are spread.
+
+    Returns
+    -------
+    list of RelativePose
+        One a pair; ``success`` is False where the correspondences do not determine a pose.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its range.
+
+    References
+    ----------
+    O. Booij, B. Krose, Z. Zivkovic, "Efficient probabilistic planar robot motion estimation given
+    pairs of images", RSS 2010, section VI: multi-resolution. A. Dempster, N. Laird, D. Rubin,
+    "Maximum likelihood from incomplete data via the EM algorithm", JRSS B 39(1), 1977.
+    """
+    noise = table.noise if noise is None else noise
+    if not 0.0 < noise < np.pi / 2:
+        raise ValueError(f"noise: expected radians in (0, pi/2), got {noise}")
+    for name, value in (("candidates", candidates), ("num_threads", num_threads)):
+        if value < 1:
+            raise ValueError(f"{name}: expected at least 1, got {value}")
+    table.ridges(bins)  # made before threads would make them twice
+    tasks = [pairs[i : i + PAIRS_A_TASK] for i in range(0, len(pairs), PAIRS_A_TASK)]
+
+    def solve(task: Sequence[Correspondences]) -> list[RelativePose]:
+        return _solve(task, table, noise, bins, candidates)
+
+    if num_threads == 1 or len(tasks) <= 1:
+        solved = map(solve, tasks)
+    else:
+        with ThreadPoolExecutor(num_threads) as pool:
+            solved = iter(list(pool.map(solve, tasks)))
+    return [pose for poses in solved for pose in poses]
+
+
+def _solve(
+    pairs: Sequence[Correspondences],
+    table: LikelihoodTable,
+    noise: float,
+    bins: int,
+    most: int,
+) -> list[RelativePose]:
+    """Estimate the poses of some pairs; see `estimate_relative_poses`."""
+    first = np.cumsum([0, *map(len, pairs)])
+    bearings = np.concatenate([bearing_table(pair) for pair in pairs])
+    odds = np.concatenate([table.odds(pair) for pair in pairs])
+    shapes = table.shapes(bearings)
+    poses, _, owners, evidence = table.ridges(bins).candidates(
+        bearings, shapes, odds, first, margin=MARGIN, most=most
+    )
+    refine_many(
+        bearings, first, noise * np.array(CUTOFFS), STEPS_PER_CUTOFF, poses, owners, np.empty(4)
+    )
+    values = np.empty(len(poses))
+    information = np.empty((len(poses), 5))
+    chosen = np.arange(len(poses))
+    for count, steps in CLIMBS:
+        chosen = _best(values, owners, chosen, count) if count < most else chosen
+        climbing, found, known = poses[chosen], np.empty(len(chosen)), np.empty((len(chosen), 5))
+        maximize(
+            bearings,
+            shapes,
+            odds,
+            first,
+            climbing,
+            owners[chosen],
+            steps,
+            table.lookup,
+            table.density,
+            table.profile,
+            found,
+            known,
+        )
+        poses[chosen], values[chosen], information[chosen] = climbing, found, known
+    # the last of them are one a pair, in the pairs' order
+    headings = wrap_to_pi(poses[chosen])
+    inliers, alarms = np.empty(len(pairs), np.int64), np.empty(len(pairs))
+    judge(bearings, first, headings, INLIER_CUTOFF * noise, SHIFTS, inliers, alarms)
+    constant = np.array([np.log1p(odds[a:b]).sum() for a, b in zip(first, first[1:], strict=False)])
+    covariance = _covariances(information[chosen], noise)
+    covariance = _widened(covariance, _band_variances(poses, values, owners, chosen))
+    success = (inliers >= MIN_INLIERS) & (alarms < np.log(MAX_FALSE_ALARMS))
+    return [
+        RelativePose(*row)
+        for row in zip(
+            headings[:, 0].tolist(),
+            headings[:, 1].tolist(),
+            covariance,
+            (values[chosen] - constant).tolist(),
+            (evidence - constant).tolist(),
+            inliers.tolist(),
+            success.tolist(),
+            strict=True,
+        )
+    ]
+
+
+def _best(
+    values: FloatArray, owners: NDArray[np.int64], chosen: NDArray[np.int64], count: int
+) -> NDArray[np.int64]:
+    """Choose the ``count`` candidates of highest value of each pair, in the pairs' order."""
+    order = chosen[np.lexsort((-values[chosen], owners[chosen]))]
+    own = owners[order]
+    starts = np.flatnonzero(np.append(True, own[1:] != own[:-1]))
+    rank = np.arange(len(order)) - np.repeat(starts, np.diff(np.append(starts, len(order))))
+    return order[rank < count]
+
+
+def _covariances(information: FloatArray, noise: float) -> FloatArray:
+    """Invert informations (p, 5) at the residuals' spread, bounded by that of uniform angles."""
+    a, b, c, squares, weight = information.T
+    # noise is a floor: few true matches may agree by luck
+    variance = np.maximum(squares / np.maximum(weight - 2.0, 1e-3), noise**2)
+    prior = 1.0 / UNIFORM_VARIANCE
+    a, b, c = a / variance + prior, b / variance, c / variance + prior
+    determinant = a * c - b * b
+    inverse = np.stack([c, -b, -b, a], axis=1) / determinant[:, None]
+    return np.asarray(inverse.reshape(-1, 2, 2))
+
+
+def _band_variances(
+    poses: FloatArray,
+    values: FloatArray,
+    owners: NDArray[np.int64],
+    chosen: NDArray[np.int64],
+) -> FloatArray:
+    """Give the variance of both headings over the candidates of the estimate's own rotation.
+
+    On a turn on the spot the poses of the right rotation are all alike, and yet noise makes some
+    place of that band look best and its surroundings worse, so that the information would know the
+    headings to a few degrees. The other candidates know of the rest of the band.
+    """
+    best = poses[chosen][owners]
+    rotation = rotation_from_headings(poses[:, 0], poses[:, 1])
+    turned = wrap_to_pi(rotation - rotation_from_headings(best[:, 0], best[:, 1]))
+    weight = np.exp(np.minimum(values - values[chosen][owners], 0.0)) * (np.abs(turned) < BAND)
+    away = wrap_to_pi(poses[:, 1] - best[:, 1])
+    total = np.bincount(owners, weight)
+    return np.asarray(np.bincount(owners, weight * away**2) / np.maximum(total, 1e-300))
+
+
+def _widened(covariance: FloatArray, band: FloatArray) -> FloatArray:
+    """Add variances along the band, bounded by that of uniform angles."""
+    largest = np.maximum(covariance[:, 0, 0], covariance[:, 1, 1])
+    return covariance + np.minimum(band, UNIFORM_VARIANCE - largest)[:, None, None]
