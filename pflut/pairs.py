@@ -151,10 +151,10 @@ def agreeing(
     ndarray of shape (n,), bool
     """
     cutoff = noise * CUTOFFS[-1:]
-    bearings = bearing_table(correspondences)
+    columns = bearing_table(correspondences).T
     count = [
         # one step from the pose tells whether the one correspondence is an inlier there
-        refine(row[None], cutoff, 1, np.array([pose.heading_l, pose.heading_r]), np.zeros(4))
-        for row in bearings
+        refine(np.ascontiguousarray(columns[:, i : i + 1]), cutoff, 1, np.array([pose.heading_l, pose.heading_r]), np.zeros(4))
+        for i in range(len(correspondences))
     ]
     return np.array(count, dtype=bool)

@@ -16,10 +16,10 @@ from pflut.likelihood.axes import (
 )
 
 HALF_STEPS = 0.5 * PARALLAX_STEPS
-PRODUCTS = 16
-"""Factors, each below 1e18, that are multiplied before a logarithm is taken."""
-NOTHING = 1e-9
-"""Factors below add nothing."""
+LARGE = 1e100
+"""A product beyond is kept as its logarithm."""
+NOTHING = 1e-5
+"""Factors of odds and residual below matter to no landmark."""
 LONGEST_STEP = 0.1
 """Radians; a longer step leaves the basin."""
 
@@ -212,31 +212,82 @@ def shape_cells(bearings, out):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _weigh(bearings, shapes, odds, headings, lookup, density, profile, factors, cells, jacobian, scores):  # type: ignore[no-untyped-def]
+def _meet(sin_al, cos_al, sin_el, cos_el, sin_ar, cos_ar, sin_er, cos_er, theta, phi, residuals, halves, by_theta, by_phi):  # type: ignore[no-untyped-def]
+    """Compute `coordinates` of all correspondences of a pair; the loop is vectorised.
+
+    Out, (n,): ``residuals``, their derivatives, and ``halves`` sin(gamma / 2), -2 where the lines
+    of sight lie on different sides of the baseline.
+    """
+    sin_theta, cos_theta, sin_phi, cos_phi = np.sin(theta), np.cos(theta), np.sin(phi), np.cos(phi)
+    for i in range(sin_al.size):
+        sin_u = sin_theta * cos_al[i] - cos_theta * sin_al[i]
+        cos_u = cos_theta * cos_al[i] + sin_theta * sin_al[i]
+        sin_v = sin_phi * cos_ar[i] - cos_phi * sin_ar[i]
+        cos_v = cos_phi * cos_ar[i] + sin_phi * sin_ar[i]
+        p, q = sin_er[i] * cos_el[i], sin_el[i] * cos_er[i]
+        both, height = cos_el[i] * cos_er[i], sin_el[i] * sin_er[i]
+        across_l = sin_er[i] * cos_u
+        upward_l = both * sin_v - height * sin_u
+        across_r = sin_el[i] * cos_v
+        upward_r = both * sin_u - height * sin_v
+        square = across_l**2 + upward_l**2 + across_r**2 + upward_r**2
+        norm = 1.0 / np.sqrt(square + 1e-24)
+        residuals[i] = (p * sin_u + q * sin_v) * norm
+        by_theta[i] = p * cos_u * norm
+        by_phi[i] = q * cos_v * norm
+        half = np.sqrt(max(0.5 + 0.5 * (cos_u * cos_v + sin_u * sin_v), 0.0))
+        apex = sin_u * cos_v - cos_u * sin_v
+        half = -half if (sin_u - sin_v) * apex < 0.0 else half
+        halves[i] = -2.0 if sin_u * sin_v > 0.0 else half
+
+
+@jit
+def _weigh(columns, shapes, odds, low, high, headings, lookup, density, profile, factors, cells, numbers, scores):  # type: ignore[no-untyped-def]
     """Score one pose of one pair: the log-likelihood ratio in each depth class, ``scores`` (C,).
 
-    Out, a row a correspondence: ``factors`` (n,) odds times profile, ``cells`` (n,) of the
-    parallax, ``jacobian`` (n, 3) residual and its derivatives. O(n C).
+    The pair has the columns ``low`` to ``high``. Out: ``numbers`` (4, n) of `_meet`, and of the
+    correspondences that matter, whose number is returned, ``factors`` (n,) odds times profile,
+    ``cells`` (2, n) of the parallax, and their own numbers in the pair. O(n C).
     """
-    classes = density.shape[2]
-    sin_theta, cos_theta = np.sin(headings[0]), np.cos(headings[0])
-    sin_phi, cos_phi = np.sin(headings[1]), np.cos(headings[1])
-    scores[:] = 0.0
-    for first in range(0, bearings.shape[0], PRODUCTS):
-        last = min(first + PRODUCTS, bearings.shape[0])
-        for i in range(first, last):
-            residual, step = coordinates(
-                bearings[i], sin_theta, cos_theta, sin_phi, cos_phi, jacobian[i, 1:]
-            )
-            jacobian[i, 0] = residual
-            cells[i] = lookup[step] if step >= 0 else 0
-            factors[i] = odds[i] * _agreement(residual, profile[shapes[i] % ELEVATION_CELLS])
-        for c in range(classes):
-            product = 1.0
-            for i in range(first, last):
-                if factors[i] > NOTHING:
-                    product *= 1.0 + factors[i] * density[cells[i], shapes[i], c]
-            scores[c] += np.log(product)
+    n = high - low
+    _meet(
+        columns[0, low:high],
+        columns[1, low:high],
+        columns[2, low:high],
+        columns[3, low:high],
+        columns[4, low:high],
+        columns[5, low:high],
+        columns[6, low:high],
+        columns[7, low:high],
+        headings[0],
+        headings[1],
+        numbers[0, :n],
+        numbers[1, :n],
+        numbers[2, :n],
+        numbers[3, :n],
+    )
+    known = 0
+    for i in range(n):
+        residual = numbers[0, i]
+        if abs(residual) < RESIDUAL_MAX:
+            shape = shapes[low + i]
+            factor = odds[low + i] * _agreement(residual, profile[shape % ELEVATION_CELLS])
+            if factor > NOTHING:
+                half = numbers[1, i]
+                factors[known] = factor
+                cells[0, known] = lookup[int((half + 1.0) * HALF_STEPS)] if half >= -1.0 else 0
+                cells[1, known] = i
+                known += 1
+    for c in range(density.shape[2]):
+        scores[c] = 0.0
+        product = 1.0
+        for k in range(known):
+            product *= 1.0 + factors[k] * density[cells[0, k], shapes[low + cells[1, k]], c]
+            if product > LARGE:
+                scores[c] += np.log(product)
+                product = 1.0
+        scores[c] += np.log(product)
+    return known
 
 
 @jit
@@ -253,40 +304,49 @@ def _mean(scores):  # type: ignore[no-untyped-def]
 
 
 @jit
-def score(bearings, shapes, odds, first, poses, owners, lookup, density, profile, out):  # type: ignore[no-untyped-def]
-    """Compute the log-likelihood ratio of pairs at poses: no grid, all depth classes.
-
-    ``bearings`` (n, 8), ``shapes`` (n,) and ``odds`` (n,) of true match to mismatch, of all pairs
-    one after the other; pair k has the rows ``first[k]`` to ``first[k + 1]``. ``poses`` (m, 2)
-    headings, ``owners`` (m,) the pairs that they belong to; ``density`` (parallax, shape, C),
-    ``profile`` (elevation, residual nodes). ``out`` (m,): log of the mean over the depth classes
-    of the product over the correspondences of (1 + odds density profile). O(m n C).
-    """
+def _longest(first):  # type: ignore[no-untyped-def]
+    """Give the largest number of correspondences of a pair."""
     most = 0
     for k in range(first.size - 1):
         most = max(most, first[k + 1] - first[k])
-    factors, cells, jacobian = np.empty(most), np.empty(most, np.int64), np.empty((most, 3))
+    return most
+
+
+@jit
+def score(columns, shapes, odds, first, poses, owners, lookup, density, profile, out):  # type: ignore[no-untyped-def]
+    """Compute the log-likelihood ratio of pairs at poses: no grid, all depth classes.
+
+    ``columns`` (8, n) sines and cosines of azimuth_l, elevation_l, azimuth_r, elevation_r,
+    ``shapes`` (n,) and ``odds`` (n,) of true match to mismatch, of all pairs one after the other;
+    pair k has the columns ``first[k]`` to ``first[k + 1]``. ``poses`` (m, 2) headings, ``owners``
+    (m,) the pairs that they belong to; ``density`` (parallax, shape, C), ``profile`` (elevation,
+    residual nodes). ``out`` (m,): log of the mean over the depth classes of the product over the
+    correspondences of (1 + odds density profile). O(m n C).
+    """
+    most = _longest(first)
+    factors, cells, numbers = np.empty(most), np.empty((2, most), np.int64), np.empty((4, most))
     scores = np.empty(density.shape[2])
     for m in range(poses.shape[0]):
-        low, high = first[owners[m]], first[owners[m] + 1]
         _weigh(
-            bearings[low:high],
-            shapes[low:high],
-            odds[low:high],
+            columns,
+            shapes,
+            odds,
+            first[owners[m]],
+            first[owners[m] + 1],
             poses[m],
             lookup,
             density,
             profile,
             factors,
             cells,
-            jacobian,
+            numbers,
             scores,
         )
         out[m] = _mean(scores)
 
 
 @jit
-def maximize(bearings, shapes, odds, first, poses, owners, steps, lookup, density, profile, out, information):  # type: ignore[no-untyped-def]
+def maximize(columns, shapes, odds, first, poses, owners, steps, lookup, density, profile, out, information):  # type: ignore[no-untyped-def]
     """Climb to the maximum of the likelihood near poses, by expectation maximization.
 
     As `score`, which is what it climbs. Each step weighs every correspondence with the probability
@@ -297,38 +357,36 @@ def maximize(bearings, shapes, odds, first, poses, owners, steps, lookup, densit
     ratio before the last step; ``information`` (m, 5): the entries (0, 0), (0, 1), (1, 1) of
     J^T W J, the weighted sum of squared residuals and the sum of the weights.
     """
-    most = 0
-    for k in range(first.size - 1):
-        most = max(most, first[k + 1] - first[k])
-    factors, cells, jacobian = np.empty(most), np.empty(most, np.int64), np.empty((most, 3))
+    most = _longest(first)
+    factors, cells, numbers = np.empty(most), np.empty((2, most), np.int64), np.empty((4, most))
     scores = np.empty(density.shape[2])
     for m in range(poses.shape[0]):
         low, high = first[owners[m]], first[owners[m] + 1]
         for _ in range(steps):
-            _weigh(
-                bearings[low:high],
-                shapes[low:high],
-                odds[low:high],
+            known = _weigh(
+                columns,
+                shapes,
+                odds,
+                low,
+                high,
                 poses[m],
                 lookup,
                 density,
                 profile,
                 factors,
                 cells,
-                jacobian,
+                numbers,
                 scores,
             )
             out[m] = _mean(scores)
             a = b = c = g = h = squares = total = 0.0
-            for i in range(high - low):
-                if factors[i] <= NOTHING:
-                    continue
+            for k in range(known):
+                i = cells[1, k]
                 weight = 0.0
-                values = density[cells[i], shapes[low + i]]
-                for k in range(scores.size):
-                    ratio = factors[i] * values[k]
-                    weight += scores[k] * ratio / (1.0 + ratio)
-                residual, by_theta, by_phi = jacobian[i, 0], jacobian[i, 1], jacobian[i, 2]
+                for d in range(scores.size):
+                    ratio = factors[k] * density[cells[0, k], shapes[low + i], d]
+                    weight += scores[d] * ratio / (1.0 + ratio)
+                residual, by_theta, by_phi = numbers[0, i], numbers[2, i], numbers[3, i]
                 a += weight * by_theta * by_theta
                 b += weight * by_theta * by_phi
                 c += weight * by_phi * by_phi

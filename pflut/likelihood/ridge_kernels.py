@@ -48,14 +48,15 @@ CHUNK = 32
 
 
 @jit
-def _crossings(line, first, obtuse, sines, cosines, growths, places, steps):  # type: ignore[no-untyped-def]
-    """Find where a curve crosses rows, and what decides on the profile; the loop is vectorised.
+def _crossings(line, sines, cosines, growths, places, steps):  # type: ignore[no-untyped-def]
+    """Find where a curve's acute branch crosses the rows, and what decides on the profile.
 
     ``line`` (8,) float32: azimuths of the near view (of its row 0) and of the far view in cells;
     sine and cosine of the near one; the factors of sin u and sin v in the constraint; the
-    gradient's coefficient; cells a turn. ``first`` row; ``sines``, ``cosines`` (n,) float32 of
-    the rows' headings. Out, (n,): ``growths`` float32 of the residual along the row, radians a
-    radian; int32 ``places`` of the crossing in 1 / SUBCELLS of a cell, ``steps`` of the parallax.
+    gradient's coefficient; cells a turn. ``sines``, ``cosines`` (B,) float32 of the rows'
+    headings. Out, (B,): ``growths`` float32 of the residual along the row, radians a radian; int32
+    ``places`` of the crossing in 1 / SUBCELLS of a cell, ``steps`` of the parallax. The loop is
+    vectorised.
     """
     near, far, sine, cosine = line[0], line[1], line[2], line[3]
     p, q, c, turn = line[4], line[5], line[6], line[7]
@@ -78,13 +79,12 @@ def _crossings(line, first, obtuse, sines, cosines, growths, places, steps):  # 
         a = a * x + np.float32(-0.2145988016)
         a = a * x + np.float32(1.5707963050)
         angle = np.float32(HALF_PI) - np.sqrt(one - x) * a
-        angle = pi - angle if obtuse else angle
         v = angle if sin_v > zero else -angle
         norm = one / np.sqrt(constant + sin_u * sin_u * c)
         growth = abs(q) * cos_v * norm
         bend = abs(q) * x * norm
         growth = max(growth, half * growth + np.float32(FLAT) * bend)
-        row = np.float32(first + i) - near
+        row = np.float32(i) - near
         away = abs(row - turn * np.floor(row / turn + half))
         gamma = pi - angle - away / cells
         step = min(max((gamma - np.float32(LEVEL_FROM)) * scale, zero), np.float32(LEVEL_STEPS))
@@ -93,6 +93,33 @@ def _crossings(line, first, obtuse, sines, cosines, growths, places, steps):  # 
         growths[i] = min(max(growth, np.float32(0.5**GROWTH_OCTAVES)), one)
         places[i] = np.int32(place * np.float32(SUBCELLS))
         steps[i] = np.int32(step)
+
+
+@jit
+def _obtuse(line, first, places, steps, other_places, other_steps):  # type: ignore[no-untyped-def]
+    """Find where the obtuse branch crosses the rows from ``first`` on; the loop is vectorised.
+
+    It mirrors the acute one, whose ``places`` and ``steps`` (n,) are given: their azimuths sum up
+    to half a turn. Out: ``other_places`` and ``other_steps`` (n,).
+    """
+    near, far, turn = line[0], line[1], line[7]
+    half, zero = np.float32(0.5), np.float32(0.0)
+    cells = turn * np.float32(1.0 / TWO_PI)
+    scale = np.float32(LEVEL_STEPS / (np.pi - LEVEL_FROM))
+    # one step less: each was rounded down
+    whole = np.float32((np.pi - 2.0 * LEVEL_FROM)) * scale - np.float32(1.0)
+    around = np.int32(turn) * np.int32(SUBCELLS)
+    mirror = np.int32((far * np.float32(2.0) + turn * np.float32(2.5)) * np.float32(SUBCELLS))
+    for i in range(places.size):
+        row = np.float32(first + i) - near
+        away = abs(row - turn * np.floor(row / turn + half))
+        step = whole - np.float32(2.0) * away / cells * scale - np.float32(steps[i])
+        place = mirror - places[i]
+        place -= around if place >= around else np.int32(0)
+        place -= around if place >= around else np.int32(0)
+        place -= around if place >= around else np.int32(0)
+        other_places[i] = min(max(place, np.int32(0)), around - np.int32(1))
+        other_steps[i] = np.int32(min(max(step, zero), np.float32(LEVEL_STEPS)))
 
 
 @jit
@@ -109,15 +136,15 @@ def _addresses(base, bits, places, starts):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _stamp(growths, starts, places, steps, row, first, last, levels, shift, size, near_by, profiles, plane, stride):  # type: ignore[no-untyped-def]
-    """Add a profile to each of the rows from ``first`` to ``last``; ``row`` is the plane's first.
+def _stamp(growths, starts, places, steps, first, last, levels, shift, size, near_by, profiles, plane, stride):  # type: ignore[no-untyped-def]
+    """Add a profile to each of the rows from ``first`` to ``last`` of a plane.
 
     ``growths``, ``places`` and ``steps`` of `_crossings`, ``starts`` of `_addresses`, (B,);
     ``levels`` (LEVEL_STEPS + 1,) int16 of the landmark's probability, to which the correspondence
     adds ``shift``, negative for none; ``size`` numbers from one level's profiles to the next's;
     ``near_by`` float32, the growth below which a profile is wider than its middle block.
     """
-    target = (first - row) * stride + LEFT - 3
+    target = first * stride + LEFT - 3
     for i in range(first, last):
         level = np.int64(levels[np.uintp(steps[np.uintp(i)])]) + shift
         if level >= 0:
@@ -135,9 +162,9 @@ def _stamp(growths, starts, places, steps, row, first, last, levels, shift, size
 
 
 @jit
-def _fold(plane, rows, bins, stride):  # type: ignore[no-untyped-def]
+def _fold(plane, bins, stride):  # type: ignore[no-untyped-def]
     """Add the columns beyond both ends of each row where they belong on the circle."""
-    for row in range(rows):
+    for row in range(bins):
         first = row * stride + LEFT
         if bins >= LEFT:
             for j in range(0, LEFT, LANES):
@@ -150,29 +177,20 @@ def _fold(plane, rows, bins, stride):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _add_rows(plane, row, rows, stride, bins, out):  # type: ignore[no-untyped-def]
-    """Add a band of a plane, ``rows`` rows from ``row`` on, to the grid ``out`` (B * B,)."""
+def _join(own, other, bins, stride, out):  # type: ignore[no-untyped-def]
+    """Add two folded planes to ``out`` (B * B,): one as it is, the other one transposed."""
     whole = bins - bins % LANES
-    for i in range(rows):
-        source = i * stride + LEFT
-        target = (row + i) * bins
+    for i in range(bins):
         for j in range(0, whole, LANES):
-            add_lanes(out, target + j, plane, source + j)
+            add_lanes(out, i * bins + j, own, i * stride + LEFT + j)
         for j in range(whole, bins):
-            out[target + j] += plane[source + j]
-
-
-@jit
-def _add_columns(plane, row, rows, stride, bins, out):  # type: ignore[no-untyped-def]
-    """Add a band of a plane, ``rows`` rows from ``row`` on, to the columns of ``out`` (B * B,)."""
-    whole = bins - bins % LANES
-    high = rows - rows % LANES
-    for i in range(0, high, LANES):
+            out[i * bins + j] += own[i * stride + LEFT + j]
+    for i in range(0, whole, LANES):
         for j in range(0, whole, LANES):
-            add_transposed(out, j * bins + row + i, bins, plane, i * stride + LEFT + j, stride)
+            add_transposed(out, j * bins + i, bins, other, i * stride + LEFT + j, stride)
     for j in range(bins):
-        for i in range(high if j < whole else 0, rows):
-            out[j * bins + row + i] += plane[i * stride + LEFT + j]
+        for i in range(whole if j < whole else 0, bins):
+            out[j * bins + i] += other[i * stride + LEFT + j]
 
 
 @jit
@@ -203,7 +221,7 @@ def _line(bearing, bins, line):  # type: ignore[no-untyped-def]
 
 
 @jit
-def ridge_grid(bearings, shapes, shifts, constant, sines, cosines, levels, highest, reach, bases, near_by, size, profiles, plane, line, parts, growths, bits, integers, out):  # type: ignore[no-untyped-def]
+def ridge_grid(bearings, shapes, shifts, constant, sines, cosines, levels, highest, reach, bases, near_by, size, profiles, planes, line, parts, growths, bits, integers, out):  # type: ignore[no-untyped-def]
     """Compute the log-likelihood ratio of one pair over the grid of poses: O(n B).
 
     ``bearings`` (n, 8) sines and cosines, ``shapes`` (n,) of `shape_cells`, ``shifts`` (n,) of
@@ -211,7 +229,7 @@ def ridge_grid(bearings, shapes, shifts, constant, sines, cosines, levels, highe
     ``cosines`` (B,) float32 of the rows' headings. ``levels`` (shape, LEVEL_STEPS + 1) int16 and
     ``highest`` (shape,) of them, ``reach`` (shape,) by how much lines of sight may diverge,
     radians, ``bases`` (shape,) int32 of the profiles; ``near_by``, ``size`` and ``profiles`` as
-    `_stamp` takes them. Scratch: ``plane`` (BAND (B + PAD),), ``line`` (8,), ``growths``
+    `_stamp` takes them. Scratch: ``planes`` (2, B (B + PAD)), ``line`` (8,), ``growths``
     (CHUNK, B) float32 and ``bits``, the same memory as int32, ``parts`` (4, CHUNK) int64,
     ``integers`` (3, CHUNK, B) int32. ``out`` (B * B,) float32.
     """
@@ -220,20 +238,20 @@ def ridge_grid(bearings, shapes, shifts, constant, sines, cosines, levels, highe
     cells = bins / TWO_PI
     starts, places, steps = integers[0], integers[1], integers[2]
     owners, views, firsts, lasts = parts[0], parts[1], parts[2], parts[3]
+    planes[:] = 0.0
     out[:] = constant
     n = bearings.shape[0]
     i = 0
     while i < n:
         # the crossings of a chunk of correspondences: an acute branch, and parts of an obtuse one
-        chunk = 0
+        chunk = acute = 0
         while i < n and chunk + 3 <= CHUNK:
             shape = shapes[i]
             view, r, near = _line(bearings[i], bins, line)
             if highest[shape] + shifts[i] >= 0 and r == r:
                 owners[chunk], views[chunk], firsts[chunk], lasts[chunk] = i, view, 0, bins
-                _crossings(
-                    line, 0, False, sines, cosines, growths[chunk], places[chunk], steps[chunk]
-                )
+                acute = chunk
+                _crossings(line, sines, cosines, growths[chunk], places[chunk], steps[chunk])
                 _addresses(bases[shape], bits[chunk], places[chunk], starts[chunk])
                 chunk += 1
             if highest[shape] + shifts[i] >= 0 and r > 0.0:
@@ -246,19 +264,18 @@ def ridge_grid(bearings, shapes, shifts, constant, sines, cosines, levels, highe
                     if first < last:
                         owners[chunk], views[chunk] = i, view
                         firsts[chunk], lasts[chunk] = first, last
-                        _crossings(
+                        _obtuse(
                             line,
                             first,
-                            True,
-                            sines[first:last],
-                            cosines[first:last],
-                            growths[chunk, first:last],
+                            places[acute, first:last],
+                            steps[acute, first:last],
                             places[chunk, first:last],
                             steps[chunk, first:last],
                         )
+                        growths[chunk, first:last] = growths[acute, first:last]
                         _addresses(
                             bases[shape],
-                            bits[chunk, first:last],
+                            bits[acute, first:last],
                             places[chunk, first:last],
                             starts[chunk, first:last],
                         )
@@ -267,7 +284,6 @@ def ridge_grid(bearings, shapes, shifts, constant, sines, cosines, levels, highe
         for view in range(2):
             for row in range(0, bins, BAND):
                 end = min(row + BAND, bins)
-                plane[:] = 0.0
                 for k in range(chunk):
                     if views[k] == view and firsts[k] < end and lasts[k] > row:
                         _stamp(
@@ -275,7 +291,6 @@ def ridge_grid(bearings, shapes, shifts, constant, sines, cosines, levels, highe
                             starts[k],
                             places[k],
                             steps[k],
-                            row,
                             max(row, firsts[k]),
                             min(end, lasts[k]),
                             levels[shapes[owners[k]]],
@@ -283,14 +298,12 @@ def ridge_grid(bearings, shapes, shifts, constant, sines, cosines, levels, highe
                             size,
                             near_by,
                             profiles,
-                            plane,
+                            planes[view],
                             stride,
                         )
-                _fold(plane, end - row, bins, stride)
-                if view == 0:
-                    _add_rows(plane, row, end - row, stride, bins, out)
-                else:
-                    _add_columns(plane, row, end - row, stride, bins, out)
+    _fold(planes[0], bins, stride)
+    _fold(planes[1], bins, stride)
+    _join(planes[0], planes[1], bins, stride, out)
 
 
 @jit
@@ -307,7 +320,17 @@ def _maxima(grid, bins, margin, found):  # type: ignore[no-untyped-def]
     for i in range(bins):
         here = i * bins
         above, below = (i - 1) % bins * bins, (i + 1) % bins * bins
-        for j in range(bins):
+        j = -1
+        while j + 1 < bins:
+            j += 1
+            if j % LANES == 0 and j + LANES <= bins:
+                # eight cells at once, of which mostly none is high enough
+                high = grid[np.uintp(here + j)]
+                for k in range(1, LANES):
+                    high = max(high, grid[np.uintp(here + j + k)])
+                if high < least:
+                    j += LANES - 1
+                    continue
             value = grid[np.uintp(here + j)]
             if value < least:
                 continue
@@ -321,8 +344,6 @@ def _maxima(grid, bins, margin, found):  # type: ignore[no-untyped-def]
                 continue
             if value <= grid[below + left] or value <= grid[below + right]:
                 continue
-            if count == most and value <= found[most - 1, 2]:
-                continue
             k = min(count, most - 1)
             while k > 0 and found[k - 1, 2] < value:
                 found[k] = found[k - 1]
@@ -333,6 +354,8 @@ def _maxima(grid, bins, margin, found):  # type: ignore[no-untyped-def]
             found[k, 1] = j + (0.5 * (east - west) / along if along > 0.0 else 0.0)
             found[k, 2] = value
             count = min(count + 1, most)
+            if count == most:
+                least = max(least, found[most - 1, 2])
     return count
 
 
@@ -363,7 +386,7 @@ def _log_mean_exp(grid):  # type: ignore[no-untyped-def]
 
 
 @jit
-def ridge_candidates(bearings, shapes, shifts, first, margin, sines, cosines, levels, highest, reach, bases, near_by, size, profiles, plane, line, parts, growths, bits, integers, grid, found, poses, values, owners, evidence):  # type: ignore[no-untyped-def]
+def ridge_candidates(bearings, shapes, shifts, first, margin, sines, cosines, levels, highest, reach, bases, near_by, size, profiles, planes, line, parts, growths, bits, integers, grid, found, poses, values, owners, evidence):  # type: ignore[no-untyped-def]
     """Find candidate poses of many pairs: the highest local maxima of their grids.
 
     As `ridge_grid` for pair k of the rows ``first[k]`` to ``first[k + 1]``, and `_maxima`, with
@@ -391,7 +414,7 @@ def ridge_candidates(bearings, shapes, shifts, first, margin, sines, cosines, le
             near_by,
             size,
             profiles,
-            plane,
+            planes,
             line,
             parts,
             growths,

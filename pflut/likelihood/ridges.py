@@ -19,7 +19,6 @@ from pflut.likelihood.axes import (
     residual_nodes,
 )
 from pflut.likelihood.ridge_kernels import (
-    BAND,
     CHUNK,
     GROWTH_OCTAVES,
     LEVEL_FROM,
@@ -196,7 +195,7 @@ class Ridges:
     def _scratch(self) -> tuple[Any, ...]:
         growths = np.empty((CHUNK, self.bins), np.float32)
         return (
-            np.empty(BAND * (self.bins + PAD), np.float32),
+            np.empty((2, self.bins * (self.bins + PAD)), np.float32),
             np.empty(8, np.float32),
             np.empty((4, CHUNK), np.int64),
             growths,

@@ -46,20 +46,19 @@ QUALITY_CELLS = 20
 """Cells of the quality's axis, if a table has it, over [0, 1]."""
 
 
+def bearing_rows(*angles: FloatArray) -> FloatArray:
+    """Return (n, 8): sine and cosine of each of four arrays of angles, radians."""
+    out = np.empty((len(angles[0]), 2 * len(angles)))
+    for column, values in enumerate(angles):
+        out[:, 2 * column] = np.sin(values)
+        out[:, 2 * column + 1] = np.cos(values)
+    return out
+
+
 def bearing_table(correspondences: Correspondences) -> FloatArray:
     """Return (n, 8): sine and cosine of azimuth_l, elevation_l, azimuth_r, elevation_r."""
-    out = np.empty((len(correspondences), 8))
-    for column, angles in enumerate(
-        (
-            correspondences.azimuth_l,
-            correspondences.elevation_l,
-            correspondences.azimuth_r,
-            correspondences.elevation_r,
-        )
-    ):
-        np.sin(angles, out=out[:, 2 * column])
-        np.cos(angles, out=out[:, 2 * column + 1])
-    return out
+    c = correspondences
+    return bearing_rows(c.azimuth_l, c.elevation_l, c.azimuth_r, c.elevation_r)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -145,6 +144,11 @@ class LikelihoodTable:
         median = float(np.searchsorted(cumulative, 0.5 * cumulative[-1])) / 4096.0 * nodes[-1]
         return float(max(median / 0.6745, 1e-4))
 
+    @property
+    def prior_odds(self) -> float:
+        """Odds of a correspondence of being a true match, if nothing is known of it."""
+        return (1.0 - self.mismatch) / self.mismatch
+
     @cached_property
     def lookup(self) -> NDArray[np.uint8]:
         """The parallax's cells, for the kernels."""
@@ -198,7 +202,7 @@ class LikelihoodTable:
         -------
         ndarray of shape (n,)
         """
-        odds = np.full(len(correspondences), (1.0 - self.mismatch) / self.mismatch)
+        odds = np.full(len(correspondences), self.prior_odds)
         if self.quality is not None and correspondences.quality is not None:
             cells = (correspondences.quality * QUALITY_CELLS).astype(np.int64)
             odds *= self.quality[cells.clip(0, QUALITY_CELLS - 1)]
@@ -253,7 +257,7 @@ class LikelihoodTable:
         bearings, odds = bearing_table(correspondences), self.odds(correspondences)
         out = np.empty(len(poses))
         score(
-            bearings,
+            np.ascontiguousarray(bearings.T),
             self.shapes(bearings),
             odds,
             np.array([0, len(odds)]),

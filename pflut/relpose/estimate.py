@@ -86,14 +86,14 @@ def estimate_relative_pose(
     moved = headings.copy()
     cutoffs = noise * (CUTOFFS if polish else CUTOFFS[:1])
     steps = STEPS_PER_CUTOFF if polish else 1
-    bearings = bearing_table(correspondences)
-    inliers = refine(bearings, cutoffs, steps, moved, information)
+    columns = np.ascontiguousarray(bearing_table(correspondences).T)
+    inliers = refine(columns, cutoffs, steps, moved, information)
     if polish:
         headings = moved
     log_evidence = posterior.log_evidence
     counted, alarms = np.empty(1, np.int64), np.empty(1)
-    first = np.array([0, len(bearings)])
-    judge(bearings, first, headings[None], cutoffs[-1], SHIFTS, counted, alarms)
+    first = np.array([0, len(correspondences)])
+    judge(columns, first, headings[None], cutoffs[-1], SHIFTS, counted, alarms)
     return RelativePose(
         heading_l=float(wrap_to_pi(headings[0])),
         heading_r=float(wrap_to_pi(headings[1])),

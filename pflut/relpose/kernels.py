@@ -39,44 +39,49 @@ def _residual(bearing, sin_theta, cos_theta, sin_phi, cos_phi, out):  # type: ig
 
 
 @jit
-def refine(bearings, scales, steps_per_scale, headings, information):  # type: ignore[no-untyped-def]
-    """Polish the two headings by iteratively reweighted least squares.
-
-    Minimises the sum of Tukey's biweight of the residuals with positive depths, the scale going
-    down through ``scales`` (the biweight's cut-offs, radians), by Gauss-Newton steps.
-
-    ``bearings`` (n, 8); ``headings`` (2,) in and out; ``information`` (4,) out: the entries
-    (0, 0), (0, 1), (1, 1) of J^T W J, and the weighted sum of squared residuals. Returns the number
-    of inliers (residual below the last cut-off with positive depths).
-    """
-    row = np.empty(3)
-    inliers = 0
+def _refine(sin_al, cos_al, sin_el, cos_el, sin_ar, cos_ar, sin_er, cos_er, scales, steps_per_scale, headings, information):  # type: ignore[no-untyped-def]
+    """Polish the two headings, as `refine`; the loop over the correspondences is vectorised."""
+    inliers = 0.0
     for scale in scales:
         for _ in range(steps_per_scale):
-            a = b = c = g = h = squares = 0.0
-            inliers = 0
+            a = b = c = g = h = squares = inliers = 0.0
             theta, phi = headings[0], headings[1]
             sin_theta, cos_theta = np.sin(theta), np.cos(theta)
             sin_phi, cos_phi = np.sin(phi), np.cos(phi)
-            for i in range(bearings.shape[0]):
-                in_front = _residual(bearings[i], sin_theta, cos_theta, sin_phi, cos_phi, row)
-                ratio = row[0] / scale
-                if not in_front or ratio * ratio >= 1.0:
-                    continue
-                weight = (1.0 - ratio * ratio) ** 2
-                inliers += 1
-                a += weight * row[1] * row[1]
-                b += weight * row[1] * row[2]
-                c += weight * row[2] * row[2]
-                g += weight * row[1] * row[0]
-                h += weight * row[2] * row[0]
-                squares += weight * row[0] * row[0]
+            for i in range(sin_al.size):
+                # as `_residual`, without a branch
+                sin_u = sin_theta * cos_al[i] - cos_theta * sin_al[i]
+                cos_u = cos_theta * cos_al[i] + sin_theta * sin_al[i]
+                sin_v = sin_phi * cos_ar[i] - cos_phi * sin_ar[i]
+                cos_v = cos_phi * cos_ar[i] + sin_phi * sin_ar[i]
+                p, q = sin_er[i] * cos_el[i], sin_el[i] * cos_er[i]
+                both, height = cos_el[i] * cos_er[i], sin_el[i] * sin_er[i]
+                across_l = sin_er[i] * cos_u
+                upward_l = both * sin_v - height * sin_u
+                across_r = sin_el[i] * cos_v
+                upward_r = both * sin_u - height * sin_v
+                square = across_l**2 + upward_l**2 + across_r**2 + upward_r**2
+                norm = 1.0 / np.sqrt(square + 1e-24)
+                residual = (p * sin_u + q * sin_v) * norm
+                by_theta, by_phi = p * cos_u * norm, q * cos_v * norm
+                apex = sin_u * cos_v - cos_u * sin_v
+                ratio = residual / scale
+                left = 1.0 - ratio * ratio
+                counts = (sin_u * apex >= -1e-3) & (sin_v * apex <= 1e-3) & (left > 0.0)
+                weight = left * left if counts else 0.0
+                inliers += 1.0 if counts else 0.0
+                a += weight * by_theta * by_theta
+                b += weight * by_theta * by_phi
+                c += weight * by_phi * by_phi
+                g += weight * by_theta * residual
+                h += weight * by_phi * residual
+                squares += weight * residual * residual
             information[0], information[1], information[2], information[3] = a, b, c, squares
             # a little damping: a turn on the spot leaves one direction free
             damping = 1e-6 * (a + c) + 1e-12
             determinant = (a + damping) * (c + damping) - b * b
-            if inliers == 0 or determinant <= 0.0:
-                return inliers
+            if inliers == 0.0 or determinant <= 0.0:
+                return int(inliers)
             step_l = ((c + damping) * g - b * h) / determinant
             step_r = ((a + damping) * h - b * g) / determinant
             # a step longer than the basin is no step
@@ -88,43 +93,86 @@ def refine(bearings, scales, steps_per_scale, headings, information):  # type: i
             headings[1] = phi - step_r
             if length < 1e-7:
                 break
-    return inliers
+    return int(inliers)
 
 
 @jit
-def chance_share(bearings, cutoff, theta, phi, shifts):  # type: ignore[no-untyped-def]
-    """Give the share of certain mismatches that agree with a pose: what coincidence brings.
+def refine(columns, scales, steps_per_scale, headings, information):  # type: ignore[no-untyped-def]
+    """Polish the two headings by iteratively reweighted least squares.
 
-    The mismatches are made of the data's own bearings, each point of L with the points of R that
-    belong to the next ``shifts`` correspondences: bearings that crowd in one direction agree with
-    some poses far more often than others. O(n shifts).
+    Minimises the sum of Tukey's biweight of the residuals with positive depths, the scale going
+    down through ``scales`` (the biweight's cut-offs, radians), by Gauss-Newton steps.
+
+    ``columns`` (8, n) sines and cosines of azimuth_l, elevation_l, azimuth_r, elevation_r;
+    ``headings`` (2,) in and out; ``information`` (4,) out: the entries (0, 0), (0, 1), (1, 1) of
+    J^T W J, and the weighted sum of squared residuals. Returns the number of inliers (residual
+    below the last cut-off with positive depths).
     """
-    row = np.empty(3)
-    pair = np.empty(8)
-    n = bearings.shape[0]
-    sin_theta, cos_theta = np.sin(theta), np.cos(theta)
-    sin_phi, cos_phi = np.sin(phi), np.cos(phi)
-    inliers = 0
-    for i in range(n):
-        pair[:4] = bearings[i, :4]
-        for shift in range(1, shifts + 1):
-            pair[4:] = bearings[(i + shift) % n, 4:]
-            in_front = _residual(pair, sin_theta, cos_theta, sin_phi, cos_phi, row)
-            if in_front and abs(row[0]) < cutoff:
-                inliers += 1
-    return inliers / (n * shifts)
+    return _refine(
+        columns[0],
+        columns[1],
+        columns[2],
+        columns[3],
+        columns[4],
+        columns[5],
+        columns[6],
+        columns[7],
+        scales,
+        steps_per_scale,
+        headings,
+        information,
+    )
 
 
 @jit
-def refine_many(bearings, first, scales, steps_per_scale, poses, owners, information):  # type: ignore[no-untyped-def]
+def refine_many(columns, first, scales, steps_per_scale, poses, owners, information):  # type: ignore[no-untyped-def]
     """Polish many poses of many pairs, as `refine`.
 
-    Pair k has the rows ``first[k]`` to ``first[k + 1]`` of ``bearings`` (n, 8); ``poses`` (m, 2)
+    Pair k has the columns ``first[k]`` to ``first[k + 1]`` of ``columns`` (8, n); ``poses`` (m, 2)
     in and out, ``owners`` (m,) the pairs; ``information`` (4,) scratch.
     """
     for m in range(poses.shape[0]):
         low, high = first[owners[m]], first[owners[m] + 1]
-        refine(bearings[low:high], scales, steps_per_scale, poses[m], information)
+        _refine(
+            columns[0, low:high],
+            columns[1, low:high],
+            columns[2, low:high],
+            columns[3, low:high],
+            columns[4, low:high],
+            columns[5, low:high],
+            columns[6, low:high],
+            columns[7, low:high],
+            scales,
+            steps_per_scale,
+            poses[m],
+            information,
+        )
+
+
+@jit
+def _count_inliers(sin_al, cos_al, sin_el, cos_el, sin_ar, cos_ar, sin_er, cos_er, cutoff, headings):  # type: ignore[no-untyped-def]
+    """Count the correspondences that agree with a pose; the loop is vectorised."""
+    sin_theta, cos_theta = np.sin(headings[0]), np.cos(headings[0])
+    sin_phi, cos_phi = np.sin(headings[1]), np.cos(headings[1])
+    inliers = 0.0
+    for i in range(sin_al.size):
+        sin_u = sin_theta * cos_al[i] - cos_theta * sin_al[i]
+        cos_u = cos_theta * cos_al[i] + sin_theta * sin_al[i]
+        sin_v = sin_phi * cos_ar[i] - cos_phi * sin_ar[i]
+        cos_v = cos_phi * cos_ar[i] + sin_phi * sin_ar[i]
+        p, q = sin_er[i] * cos_el[i], sin_el[i] * cos_er[i]
+        both, height = cos_el[i] * cos_er[i], sin_el[i] * sin_er[i]
+        across_l = sin_er[i] * cos_u
+        upward_l = both * sin_v - height * sin_u
+        across_r = sin_el[i] * cos_v
+        upward_r = both * sin_u - height * sin_v
+        square = across_l**2 + upward_l**2 + across_r**2 + upward_r**2
+        value = p * sin_u + q * sin_v
+        apex = sin_u * cos_v - cos_u * sin_v
+        counts = (sin_u * apex >= -1e-3) & (sin_v * apex <= 1e-3)
+        counts &= value * value < cutoff * cutoff * (square + 1e-24)
+        inliers += 1.0 if counts else 0.0
+    return int(inliers)
 
 
 @jit
@@ -153,28 +201,49 @@ def log_false_alarms(inliers, total, share, cutoff):  # type: ignore[no-untyped-
 
 
 @jit
-def judge(bearings, first, poses, cutoff, shifts, inliers, alarms):  # type: ignore[no-untyped-def]
+def judge(columns, first, poses, cutoff, shifts, inliers, alarms):  # type: ignore[no-untyped-def]
     """Count what agrees with the pose of each pair, and tell whether coincidence would bring it.
 
-    Pair k has the rows ``first[k]`` to ``first[k + 1]`` of ``bearings`` (n, 8) and the headings
-    ``poses[k]``. ``cutoff`` largest residual, radians; ``shifts`` mismatches looked at a
-    correspondence. Out: ``inliers`` (p,) int64, ``alarms`` (p,) of `log_false_alarms`.
+    What coincidence brings is measured at the pose with certain mismatches, made of the data's own
+    bearings: each point of L with the points of R that belong to the next ``shifts``
+    correspondences. Bearings that crowd in one direction agree with some poses far more often
+    than others.
+
+    Pair k has the columns ``first[k]`` to ``first[k + 1]`` of ``columns`` (8, n) and the headings
+    ``poses[k]``. ``cutoff`` largest residual, radians. Out: ``inliers`` (p,) int64, ``alarms``
+    (p,) of `log_false_alarms`. O(n shifts).
     """
-    row = np.empty(3)
     for k in range(poses.shape[0]):
-        own = bearings[first[k] : first[k + 1]]
-        n = own.shape[0]
-        sin_theta, cos_theta = np.sin(poses[k, 0]), np.cos(poses[k, 0])
-        sin_phi, cos_phi = np.sin(poses[k, 1]), np.cos(poses[k, 1])
+        low, high = first[k], first[k + 1]
+        n = high - low
         inliers[k] = 0
-        for i in range(n):
-            in_front = _residual(own[i], sin_theta, cos_theta, sin_phi, cos_phi, row)
-            if in_front and abs(row[0]) < cutoff:
-                inliers[k] += 1
         alarms[k] = 0.0
+        agreeing = 0
+        shifted = min(shifts, n - 1)
+        for shift in range(shifted + 1):
+            # points of L from `start` on with points of R from `begin` on: two runs a shift
+            for part in range(2):
+                start = low if part == 0 else high - shift
+                begin = low + shift if part == 0 else low
+                size = n - shift if part == 0 else shift
+                count = _count_inliers(
+                    columns[0, start : start + size],
+                    columns[1, start : start + size],
+                    columns[2, start : start + size],
+                    columns[3, start : start + size],
+                    columns[4, begin : begin + size],
+                    columns[5, begin : begin + size],
+                    columns[6, begin : begin + size],
+                    columns[7, begin : begin + size],
+                    cutoff,
+                    poses[k],
+                )
+                if shift == 0:
+                    inliers[k] += count
+                else:
+                    agreeing += count
         if n > 1:
-            share = chance_share(own, cutoff, poses[k, 0], poses[k, 1], min(shifts, n - 1))
-            alarms[k] = log_false_alarms(inliers[k], n, share, cutoff)
+            alarms[k] = log_false_alarms(inliers[k], n, agreeing / (n * shifted), cutoff)
 
 
 @jit

@@ -94,7 +94,8 @@ def ransac_relative_pose(
     headings, information, counts = _run(bearings[None], SAMPLE_SIZES[solver], options, noise, rng)
     inliers, alarms = counts[0, :1].copy(), np.empty(1)
     cutoff = noise * float(CUTOFFS[-1])
-    judge(bearings, np.array([0, len(bearings)]), headings, cutoff, SHIFTS, inliers, alarms)
+    columns = np.ascontiguousarray(bearings.T)
+    judge(columns, np.array([0, len(bearings)]), headings, cutoff, SHIFTS, inliers, alarms)
     return RelativePose(
         heading_l=float(wrap_to_pi(headings[0, 0])),
         heading_r=float(wrap_to_pi(headings[0, 1])),

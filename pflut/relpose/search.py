@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pflut.correspondences import Correspondences
 from pflut.geometry import FloatArray, rotation_from_headings, wrap_to_pi
 from pflut.likelihood.residual_kernels import maximize
-from pflut.likelihood.table import LikelihoodTable, bearing_table
+from pflut.likelihood.table import LikelihoodTable, bearing_rows
 from pflut.relpose.kernels import judge, refine_many
 from pflut.relpose.result import UNIFORM_VARIANCE, RelativePose
 
@@ -112,14 +112,14 @@ def _solve(
 ) -> list[RelativePose]:
     """Estimate the poses of some pairs; see `estimate_relative_poses`."""
     first = np.cumsum([0, *map(len, pairs)])
-    bearings = np.concatenate([bearing_table(pair) for pair in pairs])
-    odds = np.concatenate([table.odds(pair) for pair in pairs])
+    bearings, odds = _gather(pairs, table)
+    columns = np.ascontiguousarray(bearings.T)
     shapes = table.shapes(bearings)
     poses, _, owners, evidence = table.ridges(bins).candidates(
         bearings, shapes, odds, first, margin=MARGIN, most=most
     )
     refine_many(
-        bearings, first, noise * np.array(CUTOFFS), STEPS_PER_CUTOFF, poses, owners, np.empty(4)
+        columns, first, noise * np.array(CUTOFFS), STEPS_PER_CUTOFF, poses, owners, np.empty(4)
     )
     values = np.empty(len(poses))
     information = np.empty((len(poses), 5))
@@ -128,7 +128,7 @@ def _solve(
         chosen = _best(values, owners, chosen, count) if count < most else chosen
         climbing, found, known = poses[chosen], np.empty(len(chosen)), np.empty((len(chosen), 5))
         maximize(
-            bearings,
+            columns,
             shapes,
             odds,
             first,
@@ -145,8 +145,9 @@ def _solve(
     # the last of them are one a pair, in the pairs' order
     headings = wrap_to_pi(poses[chosen])
     inliers, alarms = np.empty(len(pairs), np.int64), np.empty(len(pairs))
-    judge(bearings, first, headings, INLIER_CUTOFF * noise, SHIFTS, inliers, alarms)
-    constant = np.array([np.log1p(odds[a:b]).sum() for a, b in zip(first, first[1:], strict=False)])
+    judge(columns, first, headings, INLIER_CUTOFF * noise, SHIFTS, inliers, alarms)
+    owner = np.repeat(np.arange(len(pairs)), np.diff(first))
+    constant = np.bincount(owner, np.log1p(odds), minlength=len(pairs))
     covariance = _covariances(information[chosen], noise)
     covariance = _widened(covariance, _band_variances(poses, values, owners, chosen))
     success = (inliers >= MIN_INLIERS) & (alarms < np.log(MAX_FALSE_ALARMS))
@@ -163,6 +164,21 @@ def _solve(
             strict=True,
         )
     ]
+
+
+def _gather(
+    pairs: Sequence[Correspondences], table: LikelihoodTable
+) -> tuple[FloatArray, FloatArray]:
+    """Give the bearings (n, 8) and the odds (n,) of all pairs' correspondences."""
+    if table.quality is not None and any(pair.quality is not None for pair in pairs):
+        odds = np.concatenate([table.odds(pair) for pair in pairs])
+    else:
+        odds = np.full(sum(map(len, pairs)), table.prior_odds)
+    angles = (
+        np.concatenate([getattr(pair, name) for pair in pairs])
+        for name in ("azimuth_l", "elevation_l", "azimuth_r", "elevation_r")
+    )
+    return bearing_rows(*angles), odds
 
 
 def _best(
