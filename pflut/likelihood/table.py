@@ -6,7 +6,7 @@ import dataclasses
 import os
 from collections.abc import Iterable
 from functools import cached_property
-from importlib.resources import files
+from importlib.resources import as_file, files
 from typing import Any
 
 import numpy as np
@@ -442,7 +442,7 @@ class LikelihoodTable:
         -------
         LikelihoodTable
         """
-        with files("pflut.likelihood").joinpath("default.npz") as path:
+        with as_file(files("pflut.likelihood").joinpath("default.npz")) as path:
             table = cls.load(os.fspath(path))
         return table.with_bins(bins)
 
