@@ -1,10 +1,7 @@
-"""The paper's table: learning, evaluating and storing it."""
+"""The paper's table: learning and evaluating it."""
 
 from __future__ import annotations
 
-import dataclasses
-import pickle
-import zipfile
 from pathlib import Path
 
 import naive
@@ -13,18 +10,22 @@ import pytest
 
 from pflut.correspondences import Correspondences
 from pflut.geometry import TWO_PI
-from pflut.likelihood.kernels import count, discretize
-from pflut.likelihood.learning import BLOCK, count_pairs, count_simulated, log_ratio_from_counts
-from pflut.likelihood.storage import FORMAT, VERSION, _checksum
-from pflut.likelihood.table import LikelihoodTable
+from pflut.likelihood.dense import DenseTable
+from pflut.likelihood.dense_kernels import count, discretize
+from pflut.likelihood.dense_learning import (
+    BLOCK,
+    count_pairs,
+    count_simulated,
+    log_ratio_from_counts,
+)
 from pflut.simulation.correspondences import CorrespondenceSimulator
 
 SIMULATOR = CorrespondenceSimulator(mismatch=0.5)
 
 
-def random_table(ratio_bins: int, bins: int, seed: int = 0) -> LikelihoodTable:
+def random_table(ratio_bins: int, bins: int, seed: int = 0) -> DenseTable:
     values = np.random.default_rng(seed).normal(size=(ratio_bins, bins, bins))
-    return LikelihoodTable(values.astype(np.float32))
+    return DenseTable(values.astype(np.float32))
 
 
 def random_correspondences(n: int, seed: int = 0) -> Correspondences:
@@ -94,27 +95,29 @@ def test_grid_is_a_sum() -> None:
     assert np.abs(table.log_likelihood_grid(c) - np.sum(parts, axis=0)).max() < 1e-4
 
 
-def test_exchanged_views_give_the_transposed_grid(default_table: LikelihoodTable) -> None:
+def test_exchanged_views_give_the_transposed_grid(dense_table: DenseTable) -> None:
     """Exactly for whole numbers, which float32 adds without rounding in any order."""
     whole = np.random.default_rng(0).integers(-99, 99, (16, 20, 20)).astype(np.float32)
-    for table, rounding in ((LikelihoodTable(whole), 0.0), (default_table, 1e-4)):
+    for table, rounding in ((DenseTable(whole), 0.0), (dense_table, 1e-4)):
         for seed in range(5):
             c = random_correspondences(60, seed)
             difference = table.log_likelihood_grid(c.exchanged()).T - table.log_likelihood_grid(c)
             assert np.abs(difference).max() <= rounding
 
 
-def test_mirrored_scene_gives_the_mirrored_grid(small_table: LikelihoodTable) -> None:
+def test_mirrored_scene_gives_the_mirrored_grid(small_dense_table: DenseTable) -> None:
     c = random_correspondences(60)
     mirrored = Correspondences(-c.azimuth_l, c.elevation_l, -c.azimuth_r, c.elevation_r)
-    grid = small_table.log_likelihood_grid(c)
-    assert np.abs(small_table.log_likelihood_grid(mirrored) - grid[::-1, ::-1]).max() < 1e-4
+    grid = small_dense_table.log_likelihood_grid(c)
+    assert np.abs(small_dense_table.log_likelihood_grid(mirrored) - grid[::-1, ::-1]).max() < 1e-4
 
 
-def test_upside_down_scene_gives_the_same_grid(small_table: LikelihoodTable) -> None:
+def test_upside_down_scene_gives_the_same_grid(small_dense_table: DenseTable) -> None:
     c = random_correspondences(60)
     flipped = Correspondences(c.azimuth_l, -c.elevation_l, c.azimuth_r, -c.elevation_r)
-    assert (small_table.log_likelihood_grid(flipped) == small_table.log_likelihood_grid(c)).all()
+    assert (
+        small_dense_table.log_likelihood_grid(flipped) == small_dense_table.log_likelihood_grid(c)
+    ).all()
 
 
 def test_turning_a_view_shifts_the_grid() -> None:
@@ -125,6 +128,13 @@ def test_turning_a_view_shifts_the_grid() -> None:
     )
     grid = np.roll(table.log_likelihood_grid(c), 5, axis=0)
     assert (table.log_likelihood_grid(turned) == grid).all()
+
+
+def test_other_cells_than_its_own_are_refused(small_dense_table: DenseTable) -> None:
+    none = Correspondences.empty()
+    assert small_dense_table.log_likelihood_grid(none, 32).shape == (32, 32)
+    with pytest.raises(ValueError, match="bins: this table has 32, got 64"):
+        small_dense_table.log_likelihood_grid(none, 64)
 
 
 # --- Algorithm 2 ----------------------------------------------------------------------------------
@@ -149,7 +159,7 @@ def test_learning_and_evaluation_share_their_cells() -> None:
     slopes[..., 1::2] = np.tan(angles[..., 1::2])
     histogram = np.zeros((16, 16, 16))
     count(headings, slopes, np.ones(1), histogram)
-    table = LikelihoodTable(histogram.astype(np.float32))
+    table = DenseTable(histogram.astype(np.float32))
     i, j = (headings[0] / TWO_PI * 16).astype(int)
     for bearing in angles[0]:
         one = Correspondences(*bearing[:, None])
@@ -176,21 +186,21 @@ def test_blur_spreads_and_keeps_the_mass() -> None:
     assert ratio[0] / 256 == pytest.approx(np.outer(expected, expected), abs=1e-4)
 
 
-def test_density_ratio_is_normalised(default_table: LikelihoodTable) -> None:
+def test_density_ratio_is_normalised(dense_table: DenseTable) -> None:
     """exp(log_ratio) is a density ratio to the uniform: its mean over (u, v) is one."""
-    mean = np.exp(default_table.log_ratio.astype(np.float64)).mean(axis=(1, 2))
+    mean = np.exp(dense_table.log_ratio.astype(np.float64)).mean(axis=(1, 2))
     assert np.abs(mean - 1).max() < 1e-5
 
 
-def test_table_is_mirror_symmetric(default_table: LikelihoodTable) -> None:
-    table = default_table.log_ratio
+def test_table_is_mirror_symmetric(dense_table: DenseTable) -> None:
+    table = dense_table.log_ratio
     mirrored = np.roll(table[:, ::-1, ::-1], (1, 1), axis=(1, 2))
     assert (table == mirrored).all()
 
 
-def test_table_follows_the_constraint(default_table: LikelihoodTable) -> None:
+def test_table_follows_the_constraint(dense_table: DenseTable) -> None:
     """Noise-free, the density of (u, v) lies on sin v = -r sin u, acute at v, u and -v alike."""
-    table, bins = default_table.log_ratio, default_table.bins
+    table, bins = dense_table.log_ratio, dense_table.bins
     for k in (70, 90, 110):
         r = (k + 0.5) / bins * 2 - 1
         # a difference of two cells is triangular about its number: no half here
@@ -201,9 +211,9 @@ def test_table_follows_the_constraint(default_table: LikelihoodTable) -> None:
         assert (np.sin(u) * np.sin(v) < 0.1).all()
 
 
-def test_obtuse_branch_exists_where_r_is_one(default_table: LikelihoodTable) -> None:
+def test_obtuse_branch_exists_where_r_is_one(dense_table: DenseTable) -> None:
     """Without it a turn on the spot is seen as something else (METHOD: the branches)."""
-    table, bins = default_table.log_ratio[-1], default_table.bins
+    table, bins = dense_table.log_ratio[-1], dense_table.bins
     # the same direction in both views: u - v = pi, all the way round
     u = np.arange(bins)
     band = np.exp(table[u, (u + bins // 2) % bins])
@@ -225,7 +235,7 @@ def test_learning_does_not_depend_on_the_threads() -> None:
 @pytest.mark.parametrize("mismatches", ["uniform", "simulated"])
 def test_table_is_reproducible(mismatches) -> None:
     def learn(seed: int, threads: int, samples: int = 2 * BLOCK) -> np.ndarray:
-        return LikelihoodTable.from_simulation(
+        return DenseTable.from_simulation(
             bins=8, num_samples=samples, mismatches=mismatches, seed=seed, num_threads=threads
         ).log_ratio
 
@@ -248,7 +258,7 @@ def test_counts_agree_with_the_naive_algorithm_on_another_simulator() -> None:
 
 def test_progress_is_reported() -> None:
     seen: list[tuple[int, int]] = []
-    LikelihoodTable.from_simulation(
+    DenseTable.from_simulation(
         bins=8, num_samples=20 * BLOCK, num_threads=2, progress=lambda *done: seen.append(done)
     )
     assert seen[-1] == (20 * BLOCK, 20 * BLOCK)
@@ -299,7 +309,7 @@ def test_compensation_removes_the_bias_of_a_habit() -> None:
 
     def table(favourite: float, seed: int, *, compensate: bool = True) -> np.ndarray:
         pairs = seen_ahead(favourite, seed)
-        return LikelihoodTable.from_pairs(
+        return DenseTable.from_pairs(
             pairs, bins=4, uniform=0.1, blur=0.0, compensate=compensate
         ).log_ratio[2:]
 
@@ -311,8 +321,8 @@ def test_compensation_removes_the_bias_of_a_habit() -> None:
 
 def test_pairs_and_simulation_learn_the_same() -> None:
     pairs = real_pairs(8_000, 0.0, 4)
-    learned = LikelihoodTable.from_pairs(pairs, bins=4, uniform=0.5, blur=0.0)
-    simulated = LikelihoodTable.from_simulation(
+    learned = DenseTable.from_pairs(pairs, bins=4, uniform=0.5, blur=0.0)
+    simulated = DenseTable.from_simulation(
         bins=4, num_samples=20 * BLOCK, simulator=CorrespondenceSimulator(mismatch=0.5)
     )
     seen = np.histogram(
@@ -328,17 +338,17 @@ def test_pairs_and_simulation_learn_the_same() -> None:
 def test_pairs_without_correspondences() -> None:
     pair = real_pairs(50, 0.0, 0)
     empty = (Correspondences.empty(), 0.0, 0.0)
-    table = LikelihoodTable.from_pairs([empty, *pair, empty], bins=8)
-    same = LikelihoodTable.from_pairs(iter(pair), bins=8)
+    table = DenseTable.from_pairs([empty, *pair, empty], bins=8)
+    same = DenseTable.from_pairs(iter(pair), bins=8)
     assert (table.log_ratio == same.log_ratio).all()
     for none in ([], [empty]):
         with pytest.raises(ValueError, match="at least one pair"):
-            LikelihoodTable.from_pairs(none)
+            DenseTable.from_pairs(none)
 
 
 def test_slices_never_met_say_nothing() -> None:
     one = (Correspondences(1.0, 0.3, 2.0, 0.29), 0.3, 0.4)
-    table = LikelihoodTable.from_pairs([one], bins=8)
+    table = DenseTable.from_pairs([one], bins=8)
     assert np.count_nonzero(np.ptp(table.log_ratio, axis=(1, 2))) == 1
 
 
@@ -361,20 +371,20 @@ def test_slices_never_met_say_nothing() -> None:
 )
 def test_misuse_names_the_option(method: str, options: dict, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        getattr(LikelihoodTable, method)(**options)
+        getattr(DenseTable, method)(**options)
 
 
 @pytest.mark.parametrize("shape", [(4, 4), (4, 4, 5), (0, 4, 4), (4, 0, 0)])
 def test_table_of_another_shape(shape: tuple[int, ...]) -> None:
     with pytest.raises(ValueError, match="log_ratio: expected shape"):
-        LikelihoodTable(np.zeros(shape, np.float32))
+        DenseTable(np.zeros(shape, np.float32))
 
 
 def test_table_that_is_not_finite() -> None:
     values = np.zeros((4, 4, 4), np.float32)
     values[1, 2, 3] = -np.inf
     with pytest.raises(ValueError, match="not finite"):
-        LikelihoodTable(values)
+        DenseTable(values)
 
 
 def test_discretize_equals_its_naive_twin() -> None:
@@ -387,185 +397,45 @@ def test_discretize_equals_its_naive_twin() -> None:
         assert row.tolist() == [r, left, right, exchanged]
 
 
-# --- its file -------------------------------------------------------------------------------------
-
-
-def stored(path: Path, **changes) -> Path:
-    """Write a table file, some of its entries changed or left out (None)."""
-    log_ratio = changes.get("log_ratio", random_table(4, 6).log_ratio)
-    learned_from = changes.get("learned_from", np.array("{}"))
-    entries = {
-        "format": np.array(FORMAT),
-        "version": np.array(VERSION),
-        "log_ratio": log_ratio,
-        "learned_from": learned_from,
-    }
-    if log_ratio is not None:
-        entries["checksum"] = np.array(_checksum(log_ratio, str(learned_from)))
-    entries |= changes
-    np.savez_compressed(path, **{k: v for k, v in entries.items() if v is not None})
-    return path
-
-
-def test_a_stored_table_comes_back(tmp_path: Path, small_table: LikelihoodTable) -> None:
-    path = tmp_path / "table.npz"
-    small_table.save(path)
-    loaded = LikelihoodTable.load(path)
-    assert (loaded.log_ratio == small_table.log_ratio).all()
-    assert loaded.learned_from == small_table.learned_from
-    assert loaded.learned_from["simulator"] == dataclasses.asdict(CorrespondenceSimulator())
-    assert [p.name for p in tmp_path.iterdir()] == ["table.npz"]
-    # the name is taken as it is, as a user gave it
-    small_table.save(tmp_path / "table.lut")
-    assert (tmp_path / "table.lut").is_file()
-
-
-BAD_FILES = {
-    "later version": ({"version": np.array(VERSION + 1)}, f"version {VERSION + 1}, expected"),
-    "version that is no number": ({"version": np.array("one")}, "version one, expected"),
-    "another format": ({"format": np.array("recipe")}, "not a pflut likelihood table"),
-    "no format": ({"format": None}, "not a pflut likelihood table"),
-    "no table": ({"log_ratio": None, "checksum": np.array("")}, "without log_ratio"),
-    "no checksum": ({"checksum": None}, "without checksum"),
-    "wrong checksum": ({"checksum": np.array("0" * 64)}, "checksum"),
-    "NaN": ({"log_ratio": np.full((2, 4, 4), np.nan, np.float32)}, "not finite"),
-    "infinity": ({"log_ratio": np.full((2, 4, 4), np.inf, np.float32)}, "not finite"),
-    "double": ({"log_ratio": np.zeros((2, 4, 4))}, "float32"),
-    "flat": ({"log_ratio": np.zeros((4, 4), np.float32)}, r"\(R, B, B\)"),
-    "not square": ({"log_ratio": np.zeros((2, 4, 5), np.float32)}, r"\(R, B, B\)"),
-    "empty": ({"log_ratio": np.zeros((0, 4, 4), np.float32)}, r"\(R, B, B\)"),
-    "origin that is no JSON": ({"learned_from": np.array("{")}, "learned_from"),
-    "origin that is no object": ({"learned_from": np.array("[1]")}, "learned_from"),
-    "pickle inside": (
-        {"learned_from": np.array([{"a": 1}], dtype=object)},
-        "likelihood table of pflut, or damaged",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", BAD_FILES)
-def test_a_bad_file_is_refused_by_name(tmp_path: Path, name: str) -> None:
-    changes, message = BAD_FILES[name]
-    path = stored(tmp_path / "bad.npz", **changes)
-    with pytest.raises(ValueError, match=message) as error:
-        LikelihoodTable.load(path)
-    assert str(path) in str(error.value)
-    assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(
-    "content", [b"", b"hello", b"PK\x03\x04", pickle.dumps({"table": 1}), b"\x93NUMPY"]
-)
-def test_what_is_no_table_at_all(tmp_path: Path, content: bytes) -> None:
-    path = tmp_path / "other.npz"
-    path.write_bytes(content)
-    with pytest.raises(ValueError, match=r"other\.npz"):
-        LikelihoodTable.load(path)
-
-
-def test_a_plain_array_is_no_table(tmp_path: Path) -> None:
-    with (tmp_path / "array.npz").open("wb") as file:
-        np.save(file, np.zeros((2, 4, 4), np.float32))
-    with pytest.raises(ValueError, match=r"array\.npz"):
-        LikelihoodTable.load(tmp_path / "array.npz")
-
-
-def test_a_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError):
-        LikelihoodTable.load(tmp_path / "none.npz")
-
-
-def test_truncated_at_any_length(tmp_path: Path) -> None:
-    path = stored(tmp_path / "cut.npz")
-    content = path.read_bytes()
-    for length in [*range(0, len(content) - 1, 37), len(content) - 1]:
-        path.write_bytes(content[:length])
-        with pytest.raises(ValueError, match=r"cut\.npz"):
-            LikelihoodTable.load(path)
-
-
-def test_a_flipped_byte_is_refused_or_harmless(tmp_path: Path) -> None:
-    """Wherever it is: in the data, in the names, in the archive's own structure."""
-    table = random_table(4, 6)
-    path = stored(tmp_path / "flip.npz")
-    content = path.read_bytes()
-    rng = np.random.default_rng(0)
-    refused = 0
-    for place in rng.permutation(len(content))[:600]:
-        broken = bytearray(content)
-        broken[place] ^= 1 << int(rng.integers(8))
-        path.write_bytes(broken)
-        try:
-            loaded = LikelihoodTable.load(path)
-        except ValueError as error:
-            assert "flip.npz" in str(error)
-            refused += 1
-        else:
-            assert (loaded.log_ratio == table.log_ratio).all()
-    assert refused > 300
-
-
-def test_an_interrupted_save_leaves_the_old_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "table.npz"
-    random_table(4, 4, 1).save(path)
-    before = path.read_bytes()
-
-    def interrupted(file, **arrays):
-        file.write(b"half a ta")
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(np, "savez_compressed", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        random_table(4, 4, 2).save(path)
-    assert path.read_bytes() == before
-    assert [p.name for p in tmp_path.iterdir()] == ["table.npz"]
-
-
-def test_the_file_holds_no_pickle(tmp_path: Path, small_table: LikelihoodTable) -> None:
-    small_table.save(tmp_path / "table.npz")
-    with zipfile.ZipFile(tmp_path / "table.npz") as archive:
-        for name in archive.namelist():
-            assert b"'descr': '|O'" not in archive.read(name)
+# --- the default one -----------------------------------------------------------------------------
 
 
 def test_default_is_learned_once_and_again_where_spoilt(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    module = "pflut.likelihood.table"
+    module = "pflut.likelihood.dense"
     monkeypatch.setenv("PFLUT_CACHE", str(tmp_path))
     monkeypatch.setattr(f"{module}.DEFAULT_SAMPLES", BLOCK)
     learned: list[int] = []
-    learn = LikelihoodTable.from_simulation
+    learn = DenseTable.from_simulation
 
-    def counting(**options) -> LikelihoodTable:
+    def counting(**options) -> DenseTable:
         learned.append(1)
         return learn(**options)
 
-    monkeypatch.setattr(LikelihoodTable, "from_simulation", counting)
-    first = LikelihoodTable.default(bins=8)
-    assert (LikelihoodTable.default(bins=8).log_ratio == first.log_ratio).all()
+    monkeypatch.setattr(DenseTable, "from_simulation", counting)
+    first = DenseTable.default(bins=8)
+    assert (DenseTable.default(bins=8).log_ratio == first.log_ratio).all()
     assert len(learned) == 1
     (file,) = tmp_path.iterdir()
     file.write_bytes(file.read_bytes()[:100])
-    assert (LikelihoodTable.default(bins=8).log_ratio == first.log_ratio).all()
+    assert (DenseTable.default(bins=8).log_ratio == first.log_ratio).all()
     assert len(learned) == 2
-    LikelihoodTable.default(bins=8)
+    DenseTable.default(bins=8)
     assert len(learned) == 2
     # another table under the same name is not taken for it, be it of other cells or other samples
     learn(bins=16, num_samples=BLOCK).save(file)
-    assert LikelihoodTable.default(bins=8).bins == 8
+    assert DenseTable.default(bins=8).bins == 8
     learn(bins=8, num_samples=BLOCK, seed=1).save(file)
-    assert (LikelihoodTable.default(bins=8).log_ratio == first.log_ratio).all()
+    assert (DenseTable.default(bins=8).log_ratio == first.log_ratio).all()
     monkeypatch.setattr(f"{module}.LEARNING_VERSION", 99)
-    LikelihoodTable.default(bins=8)
+    DenseTable.default(bins=8)
     assert len(learned) == 5
 
 
-def test_default_is_the_paper_s(default_table: LikelihoodTable) -> None:
-    assert default_table.log_ratio.shape == (128, 128, 128)
-    assert default_table.learned_from["simulator"] == {
+def test_default_is_the_paper_s(dense_table: DenseTable) -> None:
+    assert dense_table.log_ratio.shape == (128, 128, 128)
+    assert dense_table.learned_from["simulator"] == {
         "mismatch": 0.9,
         "noise": 0.01,
         "max_tilt": 0.0,
