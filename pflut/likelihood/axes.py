@@ -78,3 +78,20 @@ def parallax_lookup() -> np.ndarray:
     gamma = 2.0 * np.arcsin(np.minimum(middle, 1.0))
     cells = np.searchsorted(parallax_edges(), gamma, side="right")
     return cells.clip(0, PARALLAX_CELLS - 1).astype(np.uint8)
+
+
+def parallax_positions() -> np.ndarray:
+    """Return where the steps of sin(gamma / 2) lie between the middles of the parallax's cells.
+
+    Returns
+    -------
+    ndarray of shape (PARALLAX_STEPS + 1,), float64
+        1.25 is a quarter of the way from the middle of cell 1 to that of cell 2; 0 belongs to the
+        first cell, which is no neighbour of the others.
+    """
+    middle = (np.arange(PARALLAX_STEPS + 1) + 0.5) * (2.0 / PARALLAX_STEPS) - 1.0
+    gamma = 2.0 * np.arcsin(np.minimum(middle, 1.0))
+    edges = parallax_edges()
+    centers = 0.5 * (edges[1:] + edges[:-1])
+    positions = np.interp(gamma, centers, np.arange(1, PARALLAX_CELLS))
+    return np.where(gamma < edges[0], 0.0, positions)

@@ -9,6 +9,7 @@ from pflut.geometry import TWO_PI
 from pflut.likelihood.axes import (
     ELEVATION_CELLS,
     NEGATIVE_CELLS,
+    PARALLAX_CELLS,
     PARALLAX_STEPS,
     RATIO_CELLS,
     RESIDUAL_CELLS,
@@ -242,12 +243,12 @@ def _meet(sin_al, cos_al, sin_el, cos_el, sin_ar, cos_ar, sin_er, cos_er, theta,
 
 
 @jit
-def _weigh(columns, shapes, odds, low, high, headings, lookup, density, profile, factors, cells, numbers, scores):  # type: ignore[no-untyped-def]
+def _weigh(columns, shapes, odds, low, high, headings, positions, density, profile, numbers, members, ratios, scores):  # type: ignore[no-untyped-def]
     """Score one pose of one pair: the log-likelihood ratio in each depth class, ``scores`` (C,).
 
-    The pair has the columns ``low`` to ``high``. Out: ``numbers`` (4, n) of `_meet`, and of the
-    correspondences that matter, whose number is returned, ``factors`` (n,) odds times profile,
-    ``cells`` (2, n) of the parallax, and their own numbers in the pair. O(n C).
+    The pair has the columns ``low`` to ``high``. Out: ``numbers`` (4, n) of `_meet`; of the
+    correspondences that matter, whose number is returned, ``members`` (n,) which they are and
+    ``ratios`` (n, C) of true match to mismatch. O(n C).
     """
     n = high - low
     _meet(
@@ -269,20 +270,26 @@ def _weigh(columns, shapes, odds, low, high, headings, lookup, density, profile,
     known = 0
     for i in range(n):
         residual = numbers[0, i]
-        if abs(residual) < RESIDUAL_MAX:
-            shape = shapes[low + i]
-            factor = odds[low + i] * _agreement(residual, profile[shape % ELEVATION_CELLS])
-            if factor > NOTHING:
-                half = numbers[1, i]
-                factors[known] = factor
-                cells[0, known] = lookup[int((half + 1.0) * HALF_STEPS)] if half >= -1.0 else 0
-                cells[1, known] = i
-                known += 1
-    for c in range(density.shape[2]):
+        if abs(residual) >= RESIDUAL_MAX:
+            continue
+        shape = shapes[low + i]
+        factor = odds[low + i] * _agreement(residual, profile[shape % ELEVATION_CELLS])
+        if factor <= NOTHING:
+            continue
+        half = numbers[1, i]
+        position = positions[int((half + 1.0) * HALF_STEPS)] if half >= -1.0 else 0.0
+        cell = int(position)
+        share = position - cell
+        here, there = density[cell, shape], density[min(cell + 1, PARALLAX_CELLS - 1), shape]
+        for c in range(scores.size):
+            ratios[known, c] = factor * (here[c] + share * (there[c] - here[c]))
+        members[known] = i
+        known += 1
+    for c in range(scores.size):
         scores[c] = 0.0
         product = 1.0
         for k in range(known):
-            product *= 1.0 + factors[k] * density[cells[0, k], shapes[low + cells[1, k]], c]
+            product *= 1.0 + ratios[k, c]
             if product > LARGE:
                 scores[c] += np.log(product)
                 product = 1.0
@@ -313,19 +320,20 @@ def _longest(first):  # type: ignore[no-untyped-def]
 
 
 @jit
-def score(columns, shapes, odds, first, poses, owners, lookup, density, profile, out):  # type: ignore[no-untyped-def]
+def score(columns, shapes, odds, first, poses, owners, positions, density, profile, out):  # type: ignore[no-untyped-def]
     """Compute the log-likelihood ratio of pairs at poses: no grid, all depth classes.
 
     ``columns`` (8, n) sines and cosines of azimuth_l, elevation_l, azimuth_r, elevation_r,
     ``shapes`` (n,) and ``odds`` (n,) of true match to mismatch, of all pairs one after the other;
     pair k has the columns ``first[k]`` to ``first[k + 1]``. ``poses`` (m, 2) headings, ``owners``
-    (m,) the pairs that they belong to; ``density`` (parallax, shape, C), ``profile`` (elevation,
-    residual nodes). ``out`` (m,): log of the mean over the depth classes of the product over the
-    correspondences of (1 + odds density profile). O(m n C).
+    (m,) the pairs that they belong to; ``positions`` of `axes.parallax_positions`, ``density``
+    (parallax, shape, C), ``profile`` (elevation, residual nodes). ``out`` (m,): log of the mean
+    over the depth classes of the product over the correspondences of (1 + odds density profile),
+    the density between the parallax's cells by interpolation. O(m n C).
     """
     most = _longest(first)
-    factors, cells, numbers = np.empty(most), np.empty((2, most), np.int64), np.empty((4, most))
-    scores = np.empty(density.shape[2])
+    numbers, members = np.empty((4, most)), np.empty(most, np.int64)
+    ratios, scores = np.empty((most, density.shape[2])), np.empty(density.shape[2])
     for m in range(poses.shape[0]):
         _weigh(
             columns,
@@ -334,19 +342,19 @@ def score(columns, shapes, odds, first, poses, owners, lookup, density, profile,
             first[owners[m]],
             first[owners[m] + 1],
             poses[m],
-            lookup,
+            positions,
             density,
             profile,
-            factors,
-            cells,
             numbers,
+            members,
+            ratios,
             scores,
         )
         out[m] = _mean(scores)
 
 
 @jit
-def maximize(columns, shapes, odds, first, poses, owners, steps, lookup, density, profile, out, information):  # type: ignore[no-untyped-def]
+def maximize(columns, shapes, odds, first, poses, owners, steps, positions, density, profile, out, information):  # type: ignore[no-untyped-def]
     """Climb to the maximum of the likelihood near poses, by expectation maximization.
 
     As `score`, which is what it climbs. Each step weighs every correspondence with the probability
@@ -358,8 +366,8 @@ def maximize(columns, shapes, odds, first, poses, owners, steps, lookup, density
     J^T W J, the weighted sum of squared residuals and the sum of the weights.
     """
     most = _longest(first)
-    factors, cells, numbers = np.empty(most), np.empty((2, most), np.int64), np.empty((4, most))
-    scores = np.empty(density.shape[2])
+    numbers, members = np.empty((4, most)), np.empty(most, np.int64)
+    ratios, scores = np.empty((most, density.shape[2])), np.empty(density.shape[2])
     for m in range(poses.shape[0]):
         low, high = first[owners[m]], first[owners[m] + 1]
         for _ in range(steps):
@@ -370,22 +378,21 @@ def maximize(columns, shapes, odds, first, poses, owners, steps, lookup, density
                 low,
                 high,
                 poses[m],
-                lookup,
+                positions,
                 density,
                 profile,
-                factors,
-                cells,
                 numbers,
+                members,
+                ratios,
                 scores,
             )
             out[m] = _mean(scores)
             a = b = c = g = h = squares = total = 0.0
             for k in range(known):
-                i = cells[1, k]
+                i = members[k]
                 weight = 0.0
                 for d in range(scores.size):
-                    ratio = factors[k] * density[cells[0, k], shapes[low + i], d]
-                    weight += scores[d] * ratio / (1.0 + ratio)
+                    weight += scores[d] * ratios[k, d] / (1.0 + ratios[k, d])
                 residual, by_theta, by_phi = numbers[0, i], numbers[2, i], numbers[3, i]
                 a += weight * by_theta * by_theta
                 b += weight * by_theta * by_phi

@@ -18,7 +18,7 @@ from pflut.likelihood.axes import (
     ELEVATION_CELLS,
     PARALLAX_CELLS,
     RESIDUAL_CELLS,
-    parallax_lookup,
+    parallax_positions,
     residual_nodes,
 )
 from pflut.likelihood.learning import (
@@ -150,9 +150,9 @@ class LikelihoodTable:
         return (1.0 - self.mismatch) / self.mismatch
 
     @cached_property
-    def lookup(self) -> NDArray[np.uint8]:
-        """The parallax's cells, for the kernels."""
-        return parallax_lookup()
+    def positions(self) -> FloatArray:
+        """Places between the parallax's cells, for the kernels."""
+        return parallax_positions()
 
     @cached_property
     def _ridges(self) -> dict[int, Ridges]:
@@ -263,7 +263,7 @@ class LikelihoodTable:
             np.array([0, len(odds)]),
             poses,
             np.zeros(len(poses), np.int64),
-            self.lookup,
+            self.positions,
             self.density,
             self.profile,
             out,

@@ -135,7 +135,7 @@ def _solve(
             climbing,
             owners[chosen],
             steps,
-            table.lookup,
+            table.positions,
             table.density,
             table.profile,
             found,
