@@ -260,9 +260,7 @@ class DenseTable:
         )
 
     @classmethod
-    def default(
-        cls, *, bins: int = DEFAULT_BINS, progress: Progress | None = None
-    ) -> DenseTable:
+    def default(cls, *, bins: int = DEFAULT_BINS, progress: Progress | None = None) -> DenseTable:
         """Return the table of the paper's simulator; no download.
 
         Learned at its first use (seconds) and kept in the user's cache folder (`pflut info`).

@@ -213,7 +213,22 @@ def shape_cells(bearings, out):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _meet(sin_al, cos_al, sin_el, cos_el, sin_ar, cos_ar, sin_er, cos_er, theta, phi, residuals, halves, by_theta, by_phi):  # type: ignore[no-untyped-def]
+def _meet(
+    sin_al,
+    cos_al,
+    sin_el,
+    cos_el,
+    sin_ar,
+    cos_ar,
+    sin_er,
+    cos_er,
+    theta,
+    phi,
+    residuals,
+    halves,
+    by_theta,
+    by_phi,
+):  # type: ignore[no-untyped-def]
     """Compute `coordinates` of all correspondences of a pair; the loop is vectorised.
 
     Out, (n,): ``residuals``, their derivatives, and ``halves`` sin(gamma / 2), -2 where the lines
@@ -243,7 +258,21 @@ def _meet(sin_al, cos_al, sin_el, cos_el, sin_ar, cos_ar, sin_er, cos_er, theta,
 
 
 @jit
-def _weigh(columns, shapes, odds, low, high, headings, positions, density, profile, numbers, members, ratios, scores):  # type: ignore[no-untyped-def]
+def _weigh(
+    columns,
+    shapes,
+    odds,
+    low,
+    high,
+    headings,
+    positions,
+    density,
+    profile,
+    numbers,
+    members,
+    ratios,
+    scores,
+):  # type: ignore[no-untyped-def]
     """Score one pose of one pair: the log-likelihood ratio in each depth class, ``scores`` (C,).
 
     The pair has the columns ``low`` to ``high``. Out: ``numbers`` (4, n) of `_meet`; of the
@@ -354,7 +383,20 @@ def score(columns, shapes, odds, first, poses, owners, positions, density, profi
 
 
 @jit
-def maximize(columns, shapes, odds, first, poses, owners, steps, positions, density, profile, out, information):  # type: ignore[no-untyped-def]
+def maximize(
+    columns,
+    shapes,
+    odds,
+    first,
+    poses,
+    owners,
+    steps,
+    positions,
+    density,
+    profile,
+    out,
+    information,
+):  # type: ignore[no-untyped-def]
     """Climb to the maximum of the likelihood near poses, by expectation maximization.
 
     As `score`, which is what it climbs. Each step weighs every correspondence with the probability

@@ -136,7 +136,21 @@ def _addresses(base, bits, places, starts):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _stamp(growths, starts, places, steps, first, last, levels, shift, size, near_by, profiles, plane, stride):  # type: ignore[no-untyped-def]
+def _stamp(
+    growths,
+    starts,
+    places,
+    steps,
+    first,
+    last,
+    levels,
+    shift,
+    size,
+    near_by,
+    profiles,
+    plane,
+    stride,
+):  # type: ignore[no-untyped-def]
     """Add a profile to each of the rows from ``first`` to ``last`` of a plane.
 
     ``growths``, ``places`` and ``steps`` of `_crossings`, ``starts`` of `_addresses`, (B,);
@@ -221,7 +235,28 @@ def _line(bearing, bins, line):  # type: ignore[no-untyped-def]
 
 
 @jit
-def ridge_grid(bearings, shapes, shifts, constant, sines, cosines, levels, highest, reach, bases, near_by, size, profiles, planes, line, parts, growths, bits, integers, out):  # type: ignore[no-untyped-def]
+def ridge_grid(
+    bearings,
+    shapes,
+    shifts,
+    constant,
+    sines,
+    cosines,
+    levels,
+    highest,
+    reach,
+    bases,
+    near_by,
+    size,
+    profiles,
+    planes,
+    line,
+    parts,
+    growths,
+    bits,
+    integers,
+    out,
+):  # type: ignore[no-untyped-def]
     """Compute the log-likelihood ratio of one pair over the grid of poses: O(n B).
 
     ``bearings`` (n, 8) sines and cosines, ``shapes`` (n,) of `shape_cells`, ``shifts`` (n,) of
@@ -386,7 +421,34 @@ def _log_mean_exp(grid):  # type: ignore[no-untyped-def]
 
 
 @jit
-def ridge_candidates(bearings, shapes, shifts, first, margin, sines, cosines, levels, highest, reach, bases, near_by, size, profiles, planes, line, parts, growths, bits, integers, grid, found, poses, values, owners, evidence):  # type: ignore[no-untyped-def]
+def ridge_candidates(
+    bearings,
+    shapes,
+    shifts,
+    first,
+    margin,
+    sines,
+    cosines,
+    levels,
+    highest,
+    reach,
+    bases,
+    near_by,
+    size,
+    profiles,
+    planes,
+    line,
+    parts,
+    growths,
+    bits,
+    integers,
+    grid,
+    found,
+    poses,
+    values,
+    owners,
+    evidence,
+):  # type: ignore[no-untyped-def]
     """Find candidate poses of many pairs: the highest local maxima of their grids.
 
     As `ridge_grid` for pair k of the rows ``first[k]`` to ``first[k + 1]``, and `_maxima`, with

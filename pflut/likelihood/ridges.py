@@ -32,11 +32,11 @@ from pflut.likelihood.ridge_kernels import (
     ridge_grid,
 )
 
-LEVEL_MIN, LEVEL_STEP, NUM_LEVELS = -4.0, 0.5, 28
+LEVEL_MIN, LEVEL_STEP, NUM_LEVELS = -3.0, 0.25, 48
 """Levels of log(odds times density times the profile's height)."""
 NEGLIGIBLE = 0.05
-TYPICAL_LEVEL = 14
-"""Where the log-likelihood ratio of such a landmark is negligible, its profile ends."""
+TYPICAL_RATIO = 20.0
+"""Where the log-likelihood ratio of a landmark so probable is negligible, its profile ends."""
 CELL_WIDTH = 0.61
 """Half-width of the box that stands for a cell across the curve, in cells along a row.
 
@@ -222,16 +222,19 @@ def make_ridges(density: FloatArray, profile: FloatArray, bins: int) -> Ridges:
     height = np.maximum(profile[:, : profile.shape[1] // 8].mean(axis=1), 1e-9)
     kind_profiles = (profile / height[:, None]).reshape(kinds, ELEVATIONS_A_KIND, -1).mean(axis=1)
     elevation = np.arange(density.shape[1]) % ELEVATION_CELLS
-    with np.errstate(divide="ignore"):
-        log_density = np.log(density * height[elevation])
-    levels = np.floor((log_density - LEVEL_MIN) / LEVEL_STEP + 0.5).clip(-1000, NUM_LEVELS - 1)
-
     steps = LEVEL_FROM + (np.arange(LEVEL_STEPS + 1) + 0.5) * ((np.pi - LEVEL_FROM) / LEVEL_STEPS)
-    cells = np.searchsorted(parallax_edges(), steps, side="right").clip(0, PARALLAX_CELLS - 1)
-    level_table = levels[cells].T.astype(np.int16)
+    edges = parallax_edges()
+    places = np.interp(steps, 0.5 * (edges[1:] + edges[:-1]), np.arange(1, PARALLAX_CELLS))
+    places[steps < edges[0]] = 0.0
+    cells = places.astype(np.int64)
+    share = (places - cells)[:, None]
+    between = (1.0 - share) * density[cells] + share * density[
+        np.minimum(cells + 1, PARALLAX_CELLS - 1)
+    ]
+    level_table = _levels(between * height[elevation]).T
     # on different sides of the horizon the curve is where lines of sight are on different sides
     apart = np.repeat(np.arange(RATIO_CELLS) < NEGATIVE_CELLS, ELEVATION_CELLS)
-    level_table[apart] = levels[0, apart].astype(np.int16)[:, None]
+    level_table[apart] = _levels((density[0] * height[elevation])[apart])[:, None]
     # how far below zero the parallax may be, at even odds
     may_be = (level_table > 0) & (cells > 0)
     first = np.where(may_be.any(axis=1), may_be.argmax(axis=1), LEVEL_STEPS)
@@ -256,9 +259,16 @@ def make_ridges(density: FloatArray, profile: FloatArray, bins: int) -> Ridges:
         levels=np.ascontiguousarray(level_table),
         reach=reach,
         bases=(elevation // ELEVATIONS_A_KIND * (NUM_GROWTHS * SUBCELLS)).astype(np.int32),
-        near_by=np.float32(_extent(kind_profiles, ratios[TYPICAL_LEVEL]) / (3.0 * cell)),
+        near_by=np.float32(_extent(kind_profiles, TYPICAL_RATIO) / (3.0 * cell)),
         profiles=profiles,
     )
+
+
+def _levels(ratio: FloatArray) -> NDArray[np.int16]:
+    """Give the levels of odds ratios, at even odds; far below zero where there is none."""
+    with np.errstate(divide="ignore"):
+        levels = np.rint((np.log(ratio) - LEVEL_MIN) / LEVEL_STEP)
+    return np.asarray(levels.clip(-1000, NUM_LEVELS - 1), dtype=np.int16)
 
 
 def _extent(profiles: FloatArray, ratio: float) -> float:

@@ -228,9 +228,7 @@ class LikelihoodTable:
             ((i + 1/2) 2 pi / B, (j + 1/2) 2 pi / B). Zero everywhere without correspondences.
         """
         bearings = bearing_table(correspondences)
-        return self.ridges(bins).grid(
-            bearings, self.shapes(bearings), self.odds(correspondences)
-        )
+        return self.ridges(bins).grid(bearings, self.shapes(bearings), self.odds(correspondences))
 
     def log_likelihood(self, correspondences: Correspondences, headings: ArrayLike) -> FloatArray:
         """Compute the log-likelihood ratio at poses, with no grid.
