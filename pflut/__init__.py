@@ -34,9 +34,9 @@ if TYPE_CHECKING:
     from pflut.posterior import pose_posterior as pose_posterior
     from pflut.reference_map import ReferenceMap as ReferenceMap
     from pflut.relpose.estimate import estimate_relative_pose as estimate_relative_pose
-    from pflut.relpose.search import estimate_relative_poses as estimate_relative_poses
     from pflut.relpose.ransac import ransac_relative_pose as ransac_relative_pose
     from pflut.relpose.result import RelativePose as RelativePose
+    from pflut.relpose.search import estimate_relative_poses as estimate_relative_poses
     from pflut.simulation.correspondences import CorrespondenceSimulator as CorrespondenceSimulator
     from pflut.trajectory import Trajectory as Trajectory
 

@@ -152,9 +152,10 @@ def agreeing(
     """
     cutoff = noise * CUTOFFS[-1:]
     columns = bearing_table(correspondences).T
+    headings = np.array([pose.heading_l, pose.heading_r])
     count = [
         # one step from the pose tells whether the one correspondence is an inlier there
-        refine(np.ascontiguousarray(columns[:, i : i + 1]), cutoff, 1, np.array([pose.heading_l, pose.heading_r]), np.zeros(4))
-        for i in range(len(correspondences))
+        refine(np.ascontiguousarray(column), cutoff, 1, headings.copy(), np.zeros(4))
+        for column in np.split(columns, len(correspondences), axis=1)
     ]
     return np.array(count, dtype=bool)

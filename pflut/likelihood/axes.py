@@ -77,7 +77,7 @@ def parallax_lookup() -> np.ndarray:
     middle = (np.arange(PARALLAX_STEPS + 1) + 0.5) * (2.0 / PARALLAX_STEPS) - 1.0
     gamma = 2.0 * np.arcsin(np.minimum(middle, 1.0))
     cells = np.searchsorted(parallax_edges(), gamma, side="right")
-    return cells.clip(0, PARALLAX_CELLS - 1).astype(np.uint8)
+    return np.asarray(cells.clip(0, PARALLAX_CELLS - 1), dtype=np.uint8)
 
 
 def parallax_positions() -> np.ndarray:

@@ -16,11 +16,11 @@ from pflut.correspondences import Correspondences
 from pflut.likelihood.dense_kernels import ROWS, add_slices, discretize
 from pflut.likelihood.dense_learning import (
     Pair,
-    Progress,
     count_pairs,
     count_simulated,
     log_ratio_from_counts,
 )
+from pflut.likelihood.sampling import Progress
 from pflut.likelihood.storage import read_table, write_table
 from pflut.simulation.correspondences import CorrespondenceSimulator
 

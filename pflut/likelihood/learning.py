@@ -242,7 +242,7 @@ def _class_edges(
         for pose, pair in zip(headings, slopes, strict=True):
             describe(pair, bearings)
             means.append(mean_parallax(bearings, pose[0], pose[1], lookup, band))
-    return np.quantile(means, np.arange(1, num_classes) / num_classes)
+    return np.asarray(np.quantile(means, np.arange(1, num_classes) / num_classes))
 
 
 def count_pairs(

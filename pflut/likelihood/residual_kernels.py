@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from pflut._jit import jit
 from pflut.geometry import TWO_PI
@@ -23,6 +26,43 @@ NOTHING = 1e-5
 """Factors of odds and residual below matter to no landmark."""
 LONGEST_STEP = 0.1
 """Radians; a longer step leaves the basin."""
+
+
+class PairArrays(NamedTuple):
+    """The correspondences of many pairs, one pair after the other, for the kernels.
+
+    Parameters
+    ----------
+    columns : ndarray of shape (8, n)
+        Sines and cosines of azimuth_l, elevation_l, azimuth_r, elevation_r.
+    shapes : ndarray of shape (n,), int64
+        Cells of ratio and elevation.
+    odds : ndarray of shape (n,)
+        True match to mismatch.
+    first : ndarray of shape (pairs + 1,), int64
+        Pair k has the columns ``first[k]`` to ``first[k + 1]``.
+    """
+
+    columns: NDArray[np.float64]
+    shapes: NDArray[np.int64]
+    odds: NDArray[np.float64]
+    first: NDArray[np.int64]
+
+
+class TableArrays(NamedTuple):
+    """A table, for the kernels.
+
+    Parameters
+    ----------
+    positions : ndarray
+        Of `axes.parallax_positions`.
+    density : ndarray of shape (PARALLAX_CELLS, SHAPE_CELLS, C), float32
+    profile : ndarray of shape (ELEVATION_CELLS, RESIDUAL_CELLS + 1), float32
+    """
+
+    positions: NDArray[np.float64]
+    density: NDArray[np.float32]
+    profile: NDArray[np.float32]
 
 
 @jit
@@ -213,7 +253,7 @@ def shape_cells(bearings, out):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _meet(
+def _meet(  # type: ignore[no-untyped-def]
     sin_al,
     cos_al,
     sin_el,
@@ -228,7 +268,7 @@ def _meet(
     halves,
     by_theta,
     by_phi,
-):  # type: ignore[no-untyped-def]
+):
     """Compute `coordinates` of all correspondences of a pair; the loop is vectorised.
 
     Out, (n,): ``residuals``, their derivatives, and ``halves`` sin(gamma / 2), -2 where the lines
@@ -258,21 +298,7 @@ def _meet(
 
 
 @jit
-def _weigh(
-    columns,
-    shapes,
-    odds,
-    low,
-    high,
-    headings,
-    positions,
-    density,
-    profile,
-    numbers,
-    members,
-    ratios,
-    scores,
-):  # type: ignore[no-untyped-def]
+def _weigh(pairs, low, high, headings, table, numbers, members, ratios, scores):  # type: ignore[no-untyped-def]
     """Score one pose of one pair: the log-likelihood ratio in each depth class, ``scores`` (C,).
 
     The pair has the columns ``low`` to ``high``. Out: ``numbers`` (4, n) of `_meet`; of the
@@ -280,6 +306,7 @@ def _weigh(
     ``ratios`` (n, C) of true match to mismatch. O(n C).
     """
     n = high - low
+    columns, density = pairs.columns, table.density
     _meet(
         columns[0, low:high],
         columns[1, low:high],
@@ -301,12 +328,13 @@ def _weigh(
         residual = numbers[0, i]
         if abs(residual) >= RESIDUAL_MAX:
             continue
-        shape = shapes[low + i]
-        factor = odds[low + i] * _agreement(residual, profile[shape % ELEVATION_CELLS])
+        shape = pairs.shapes[low + i]
+        row = table.profile[shape % ELEVATION_CELLS]
+        factor = pairs.odds[low + i] * _agreement(residual, row)
         if factor <= NOTHING:
             continue
         half = numbers[1, i]
-        position = positions[int((half + 1.0) * HALF_STEPS)] if half >= -1.0 else 0.0
+        position = table.positions[int((half + 1.0) * HALF_STEPS)] if half >= -1.0 else 0.0
         cell = int(position)
         share = position - cell
         here, there = density[cell, shape], density[min(cell + 1, PARALLAX_CELLS - 1), shape]
@@ -349,54 +377,27 @@ def _longest(first):  # type: ignore[no-untyped-def]
 
 
 @jit
-def score(columns, shapes, odds, first, poses, owners, positions, density, profile, out):  # type: ignore[no-untyped-def]
+def score(pairs, poses, owners, table, out):  # type: ignore[no-untyped-def]
     """Compute the log-likelihood ratio of pairs at poses: no grid, all depth classes.
 
-    ``columns`` (8, n) sines and cosines of azimuth_l, elevation_l, azimuth_r, elevation_r,
-    ``shapes`` (n,) and ``odds`` (n,) of true match to mismatch, of all pairs one after the other;
-    pair k has the columns ``first[k]`` to ``first[k + 1]``. ``poses`` (m, 2) headings, ``owners``
-    (m,) the pairs that they belong to; ``positions`` of `axes.parallax_positions`, ``density``
-    (parallax, shape, C), ``profile`` (elevation, residual nodes). ``out`` (m,): log of the mean
-    over the depth classes of the product over the correspondences of (1 + odds density profile),
-    the density between the parallax's cells by interpolation. O(m n C).
+    ``pairs`` `PairArrays`; ``poses`` (m, 2) headings, ``owners`` (m,) the pairs that they belong
+    to; ``table`` `TableArrays`. ``out`` (m,): log of the mean over the depth classes of the product
+    over the correspondences of (1 + odds density profile), the density between the parallax's
+    cells by interpolation. O(m n C).
     """
+    first = pairs.first
     most = _longest(first)
     numbers, members = np.empty((4, most)), np.empty(most, np.int64)
-    ratios, scores = np.empty((most, density.shape[2])), np.empty(density.shape[2])
+    scores = np.empty(table.density.shape[2])
+    ratios = np.empty((most, scores.size))
     for m in range(poses.shape[0]):
-        _weigh(
-            columns,
-            shapes,
-            odds,
-            first[owners[m]],
-            first[owners[m] + 1],
-            poses[m],
-            positions,
-            density,
-            profile,
-            numbers,
-            members,
-            ratios,
-            scores,
-        )
+        low, high = first[owners[m]], first[owners[m] + 1]
+        _weigh(pairs, low, high, poses[m], table, numbers, members, ratios, scores)
         out[m] = _mean(scores)
 
 
 @jit
-def maximize(
-    columns,
-    shapes,
-    odds,
-    first,
-    poses,
-    owners,
-    steps,
-    positions,
-    density,
-    profile,
-    out,
-    information,
-):  # type: ignore[no-untyped-def]
+def maximize(pairs, poses, owners, steps, table, out, information):  # type: ignore[no-untyped-def]
     """Climb to the maximum of the likelihood near poses, by expectation maximization.
 
     As `score`, which is what it climbs. Each step weighs every correspondence with the probability
@@ -407,27 +408,15 @@ def maximize(
     ratio before the last step; ``information`` (m, 5): the entries (0, 0), (0, 1), (1, 1) of
     J^T W J, the weighted sum of squared residuals and the sum of the weights.
     """
+    first = pairs.first
     most = _longest(first)
     numbers, members = np.empty((4, most)), np.empty(most, np.int64)
-    ratios, scores = np.empty((most, density.shape[2])), np.empty(density.shape[2])
+    scores = np.empty(table.density.shape[2])
+    ratios = np.empty((most, scores.size))
     for m in range(poses.shape[0]):
         low, high = first[owners[m]], first[owners[m] + 1]
         for _ in range(steps):
-            known = _weigh(
-                columns,
-                shapes,
-                odds,
-                low,
-                high,
-                poses[m],
-                positions,
-                density,
-                profile,
-                numbers,
-                members,
-                ratios,
-                scores,
-            )
+            known = _weigh(pairs, low, high, poses[m], table, numbers, members, ratios, scores)
             out[m] = _mean(scores)
             a = b = c = g = h = squares = total = 0.0
             for k in range(known):

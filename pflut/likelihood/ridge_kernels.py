@@ -9,7 +9,10 @@ addition of eight numbers, or a few.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from pflut._jit import jit
 from pflut._lanes import LANES, add_lanes, add_transposed
@@ -45,6 +48,96 @@ BAND = 32
 """Rows that stay in the first-level cache while a chunk of correspondences is added."""
 CHUNK = 32
 """Correspondences whose crossings are kept at a time."""
+
+
+class RidgeArrays(NamedTuple):
+    """What grids of so many bins B are made of, for the kernels.
+
+    Parameters
+    ----------
+    sines, cosines : ndarray of shape (B,), float32
+        Of the cells' headings.
+    levels : ndarray of shape (shapes, LEVEL_STEPS + 1), int16
+        How probable a landmark is at a parallax, in steps, at even odds.
+    highest : ndarray of shape (shapes,), int64
+        Of the levels.
+    reach : ndarray of shape (shapes,)
+        By how much lines of sight may diverge, radians.
+    bases : ndarray of shape (shapes,), int32
+        First profile of each kind of elevation.
+    near_by : float32
+        Growth of the residual below which a profile is wider than its middle block.
+    size : int
+        Numbers from one level's profiles to the next's.
+    profiles : ndarray of float32
+        Log-likelihood ratios: (levels, kinds, growths, SUBCELLS, WIDTH) in a row.
+    """
+
+    sines: NDArray[np.float32]
+    cosines: NDArray[np.float32]
+    levels: NDArray[np.int16]
+    highest: NDArray[np.int64]
+    reach: NDArray[np.float64]
+    bases: NDArray[np.int32]
+    near_by: np.float32
+    size: int
+    profiles: NDArray[np.float32]
+
+
+class Candidates(NamedTuple):
+    """The highest local maxima of the grids of many pairs.
+
+    Parameters
+    ----------
+    poses : ndarray of shape (m, 2)
+        Headings, radians.
+    values : ndarray of shape (m,)
+        Of the grid, but for a constant of the pair.
+    owners : ndarray of shape (m,), int64
+        The pairs, ascending; each has one at least.
+    evidence : ndarray of shape (pairs,)
+        Log of the mean of each grid's exponentials, but for the same constant.
+    """
+
+    poses: NDArray[np.float64]
+    values: NDArray[np.float64]
+    owners: NDArray[np.int64]
+    evidence: NDArray[np.float64]
+
+
+class Scratch(NamedTuple):
+    """Memory that the kernels work in.
+
+    Parameters
+    ----------
+    planes : ndarray of shape (2, B (B + PAD)), float32
+    line : ndarray of shape (8,), float32
+    parts : ndarray of shape (4, CHUNK), int64
+    growths : ndarray of shape (CHUNK, B), float32
+    bits : ndarray of shape (CHUNK, B), int32
+        The memory of ``growths``.
+    integers : ndarray of shape (3, CHUNK, B), int32
+    """
+
+    planes: NDArray[np.float32]
+    line: NDArray[np.float32]
+    parts: NDArray[np.int64]
+    growths: NDArray[np.float32]
+    bits: NDArray[np.int32]
+    integers: NDArray[np.int32]
+
+
+def make_scratch(bins: int) -> Scratch:
+    """Allocate the kernels' memory for grids of so many bins."""
+    growths = np.empty((CHUNK, bins), np.float32)
+    return Scratch(
+        planes=np.empty((2, bins * (bins + PAD)), np.float32),
+        line=np.empty(8, np.float32),
+        parts=np.empty((4, CHUNK), np.int64),
+        growths=growths,
+        bits=growths.view(np.int32),
+        integers=np.empty((3, CHUNK, bins), np.int32),
+    )
 
 
 @jit
@@ -107,7 +200,7 @@ def _obtuse(line, first, places, steps, other_places, other_steps):  # type: ign
     cells = turn * np.float32(1.0 / TWO_PI)
     scale = np.float32(LEVEL_STEPS / (np.pi - LEVEL_FROM))
     # one step less: each was rounded down
-    whole = np.float32((np.pi - 2.0 * LEVEL_FROM)) * scale - np.float32(1.0)
+    whole = np.float32(np.pi - 2.0 * LEVEL_FROM) * scale - np.float32(1.0)
     around = np.int32(turn) * np.int32(SUBCELLS)
     mirror = np.int32((far * np.float32(2.0) + turn * np.float32(2.5)) * np.float32(SUBCELLS))
     for i in range(places.size):
@@ -136,28 +229,14 @@ def _addresses(base, bits, places, starts):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _stamp(
-    growths,
-    starts,
-    places,
-    steps,
-    first,
-    last,
-    levels,
-    shift,
-    size,
-    near_by,
-    profiles,
-    plane,
-    stride,
-):  # type: ignore[no-untyped-def]
+def _stamp(growths, starts, places, steps, first, last, levels, shift, ridges, plane, stride):  # type: ignore[no-untyped-def]
     """Add a profile to each of the rows from ``first`` to ``last`` of a plane.
 
     ``growths``, ``places`` and ``steps`` of `_crossings`, ``starts`` of `_addresses`, (B,);
     ``levels`` (LEVEL_STEPS + 1,) int16 of the landmark's probability, to which the correspondence
-    adds ``shift``, negative for none; ``size`` numbers from one level's profiles to the next's;
-    ``near_by`` float32, the growth below which a profile is wider than its middle block.
+    adds ``shift``, negative for none; ``ridges`` `RidgeArrays`; ``plane`` (B * stride,).
     """
+    near_by, size, profiles = ridges.near_by, ridges.size, ridges.profiles
     target = first * stride + LEFT - 3
     for i in range(first, last):
         level = np.int64(levels[np.uintp(steps[np.uintp(i)])]) + shift
@@ -209,8 +288,9 @@ def _join(own, other, bins, stride, out):  # type: ignore[no-untyped-def]
 
 @jit
 def _line(bearing, bins, line):  # type: ignore[no-untyped-def]
-    """Describe a correspondence's curve for `_crossings`; give the nearer view, 0 for L, r and its azimuth.
+    """Describe a correspondence's curve for `_crossings`.
 
+    Gives the nearer view, 0 for L and 1 for R, the ratio r, and the nearer view's azimuth.
     ``bearing`` (8,) sines and cosines. Where both points lie on the horizon r is NaN.
     """
     sin_l, cos_l, sin_r, cos_r = bearing[2], bearing[3], bearing[6], bearing[7]
@@ -235,43 +315,20 @@ def _line(bearing, bins, line):  # type: ignore[no-untyped-def]
 
 
 @jit
-def ridge_grid(
-    bearings,
-    shapes,
-    shifts,
-    constant,
-    sines,
-    cosines,
-    levels,
-    highest,
-    reach,
-    bases,
-    near_by,
-    size,
-    profiles,
-    planes,
-    line,
-    parts,
-    growths,
-    bits,
-    integers,
-    out,
-):  # type: ignore[no-untyped-def]
+def ridge_grid(bearings, shapes, shifts, constant, ridges, scratch, out):  # type: ignore[no-untyped-def]
     """Compute the log-likelihood ratio of one pair over the grid of poses: O(n B).
 
-    ``bearings`` (n, 8) sines and cosines, ``shapes`` (n,) of `shape_cells`, ``shifts`` (n,) of
-    the levels by each correspondence's odds; ``constant`` is added to every cell. ``sines``,
-    ``cosines`` (B,) float32 of the rows' headings. ``levels`` (shape, LEVEL_STEPS + 1) int16 and
-    ``highest`` (shape,) of them, ``reach`` (shape,) by how much lines of sight may diverge,
-    radians, ``bases`` (shape,) int32 of the profiles; ``near_by``, ``size`` and ``profiles`` as
-    `_stamp` takes them. Scratch: ``planes`` (2, B (B + PAD)), ``line`` (8,), ``growths``
-    (CHUNK, B) float32 and ``bits``, the same memory as int32, ``parts`` (4, CHUNK) int64,
-    ``integers`` (3, CHUNK, B) int32. ``out`` (B * B,) float32.
+    ``bearings`` (n, 8) sines and cosines of azimuth_l, elevation_l, azimuth_r, elevation_r,
+    ``shapes`` (n,) of `shape_cells`, ``shifts`` (n,) of the levels by each correspondence's odds;
+    ``constant`` float32 is added to every cell; ``ridges`` `RidgeArrays`, ``scratch`` `Scratch`.
+    ``out`` (B * B,) float32.
     """
-    bins = sines.size
+    bins = ridges.sines.size
     stride = bins + PAD
     cells = bins / TWO_PI
-    starts, places, steps = integers[0], integers[1], integers[2]
+    planes, line, growths, bits = scratch.planes, scratch.line, scratch.growths, scratch.bits
+    starts, places, steps = scratch.integers[0], scratch.integers[1], scratch.integers[2]
+    parts = scratch.parts
     owners, views, firsts, lasts = parts[0], parts[1], parts[2], parts[3]
     planes[:] = 0.0
     out[:] = constant
@@ -283,15 +340,23 @@ def ridge_grid(
         while i < n and chunk + 3 <= CHUNK:
             shape = shapes[i]
             view, r, near = _line(bearings[i], bins, line)
-            if highest[shape] + shifts[i] >= 0 and r == r:
+            may_be = ridges.highest[shape] + shifts[i] >= 0
+            if may_be and r == r:
                 owners[chunk], views[chunk], firsts[chunk], lasts[chunk] = i, view, 0, bins
                 acute = chunk
-                _crossings(line, sines, cosines, growths[chunk], places[chunk], steps[chunk])
-                _addresses(bases[shape], bits[chunk], places[chunk], starts[chunk])
+                _crossings(
+                    line,
+                    ridges.sines,
+                    ridges.cosines,
+                    growths[chunk],
+                    places[chunk],
+                    steps[chunk],
+                )
+                _addresses(ridges.bases[shape], bits[chunk], places[chunk], starts[chunk])
                 chunk += 1
-            if highest[shape] + shifts[i] >= 0 and r > 0.0:
+            if may_be and r > 0.0:
                 # its lines of sight diverge by at least (1 - r) |u|
-                limit = min(reach[shape] / max(1.0 - r, 1e-9), MERGED)
+                limit = min(ridges.reach[shape] / max(1.0 - r, 1e-9), MERGED)
                 low = int(np.ceil((near - limit) * cells - 0.5))
                 high = int(np.floor((near + limit) * cells - 0.5)) + 1
                 for turn in range(-bins, bins + 1, bins):
@@ -309,7 +374,7 @@ def ridge_grid(
                         )
                         growths[chunk, first:last] = growths[acute, first:last]
                         _addresses(
-                            bases[shape],
+                            ridges.bases[shape],
                             bits[acute, first:last],
                             places[chunk, first:last],
                             starts[chunk, first:last],
@@ -328,11 +393,9 @@ def ridge_grid(
                             steps[k],
                             max(row, firsts[k]),
                             min(end, lasts[k]),
-                            levels[shapes[owners[k]]],
+                            ridges.levels[shapes[owners[k]]],
                             shifts[owners[k]],
-                            size,
-                            near_by,
-                            profiles,
+                            ridges,
                             planes[view],
                             stride,
                         )
@@ -421,44 +484,17 @@ def _log_mean_exp(grid):  # type: ignore[no-untyped-def]
 
 
 @jit
-def ridge_candidates(
-    bearings,
-    shapes,
-    shifts,
-    first,
-    margin,
-    sines,
-    cosines,
-    levels,
-    highest,
-    reach,
-    bases,
-    near_by,
-    size,
-    profiles,
-    planes,
-    line,
-    parts,
-    growths,
-    bits,
-    integers,
-    grid,
-    found,
-    poses,
-    values,
-    owners,
-    evidence,
-):  # type: ignore[no-untyped-def]
+def ridge_candidates(bearings, shapes, shifts, first, margin, ridges, scratch, found, out):  # type: ignore[no-untyped-def]
     """Find candidate poses of many pairs: the highest local maxima of their grids.
 
-    As `ridge_grid` for pair k of the rows ``first[k]`` to ``first[k + 1]``, and `_maxima`, with
-    ``grid`` (B * B,) float32 and ``found`` (K, 3) as scratch. Out, for up to K candidates a pair:
-    ``poses`` (m, 2) headings, ``values`` (m,) of the grid, ``owners`` (m,) the pairs; and for each
-    pair ``evidence`` (p,), the log of the mean of the grid's exponentials. Gives the number of
-    candidates. A pair has at least one.
+    As `ridge_grid` for pair k of the rows ``first[k]`` to ``first[k + 1]``, and `_maxima` with
+    ``found`` (K, 3) as scratch. ``out`` `Candidates`, of which the first ones are filled: as many
+    as is returned. A pair has at least one.
     """
-    bins = sines.size
+    poses, values, owners, evidence = out.poses, out.values, out.owners, out.evidence
+    bins = ridges.sines.size
     cell = TWO_PI / bins
+    grid = np.empty(bins * bins, np.float32)
     total = 0
     for k in range(first.size - 1):
         low, high = first[k], first[k + 1]
@@ -467,21 +503,8 @@ def ridge_candidates(
             shapes[low:high],
             shifts[low:high],
             np.float32(0.0),
-            sines,
-            cosines,
-            levels,
-            highest,
-            reach,
-            bases,
-            near_by,
-            size,
-            profiles,
-            planes,
-            line,
-            parts,
-            growths,
-            bits,
-            integers,
+            ridges,
+            scratch,
             grid,
         )
         evidence[k] = _log_mean_exp(grid)

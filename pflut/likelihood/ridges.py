@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,15 +17,16 @@ from pflut.likelihood.axes import (
     residual_nodes,
 )
 from pflut.likelihood.ridge_kernels import (
-    CHUNK,
     GROWTH_OCTAVES,
     LEVEL_FROM,
     LEVEL_STEPS,
     MIDDLE,
     NUM_GROWTHS,
-    PAD,
     SUBCELLS,
     WIDTH,
+    Candidates,
+    RidgeArrays,
+    make_scratch,
     ridge_candidates,
     ridge_grid,
 )
@@ -47,34 +46,17 @@ FINE = 4096
 
 @dataclass(frozen=True, eq=False)
 class Ridges:
-    """What `ridge_grid` needs of a table, for grids of so many bins.
+    """A table's profiles, for grids of so many bins.
 
     Parameters
     ----------
     bins : int
         Cells an axis.
-    sines, cosines : ndarray of shape (bins,), float32
-        Of the cells' headings.
-    levels : ndarray of shape (shapes, LEVEL_STEPS + 1), int16
-        How probable a landmark is at a parallax, in steps of LEVEL_STEP nat, at even odds.
-    reach : ndarray of shape (shapes,)
-        By how much lines of sight may diverge, radians.
-    bases : ndarray of shape (shapes,), int32
-        First profile of each kind of elevation.
-    near_by : float32
-        Growth of the residual below which a profile is wider than eight cells.
-    profiles : ndarray of shape (levels, kinds, growths, SUBCELLS, WIDTH), float32
-        Log-likelihood ratios.
+    arrays : RidgeArrays
     """
 
     bins: int
-    sines: NDArray[np.float32]
-    cosines: NDArray[np.float32]
-    levels: NDArray[np.int16]
-    reach: FloatArray
-    bases: NDArray[np.int32]
-    near_by: np.float32
-    profiles: NDArray[np.float32]
+    arrays: RidgeArrays
 
     def shifts(self, odds: FloatArray, shapes: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return by how many levels correspondences with such odds are more probable.
@@ -91,11 +73,7 @@ class Ridges:
         """
         shift = np.rint(np.log(odds) / LEVEL_STEP).astype(np.int64)
         # the highest level of a shape must stay within the profiles
-        return np.minimum(shift, NUM_LEVELS - 1 - self._highest[shapes])
-
-    @cached_property
-    def _highest(self) -> NDArray[np.int64]:
-        return self.levels.max(axis=1).astype(np.int64)
+        return np.asarray(np.minimum(shift, NUM_LEVELS - 1 - self.arrays.highest[shapes]))
 
     def grid(
         self, bearings: FloatArray, shapes: NDArray[np.int64], odds: FloatArray
@@ -118,7 +96,8 @@ class Ridges:
         out = np.empty(self.bins * self.bins, np.float32)
         constant = np.float32(-np.log1p(odds).sum())
         shifts = self.shifts(odds, shapes)
-        ridge_grid(bearings, shapes, shifts, constant, *self._arguments, *self._scratch(), out)
+        scratch = make_scratch(self.bins)
+        ridge_grid(bearings, shapes, shifts, constant, self.arrays, scratch, out)
         return out.reshape(self.bins, self.bins)
 
     def candidates(
@@ -130,7 +109,7 @@ class Ridges:
         *,
         margin: float,
         most: int,
-    ) -> tuple[FloatArray, FloatArray, NDArray[np.int64], FloatArray]:
+    ) -> Candidates:
         """Find the highest local maxima of the grids of many pairs.
 
         Parameters
@@ -146,65 +125,30 @@ class Ridges:
 
         Returns
         -------
-        poses : ndarray of shape (m, 2)
-            Headings, radians; at least one a pair.
-        values : ndarray of shape (m,)
-            Of the grid, but for a constant of the pair.
-        owners : ndarray of shape (m,), int64
-            The pairs, ascending.
-        evidence : ndarray of shape (pairs,)
-            Log of the mean of each grid's exponentials, but for the same constant.
+        Candidates
         """
         pairs = len(first) - 1
-        poses = np.empty((pairs * most, 2))
-        values = np.empty(pairs * most)
-        owners = np.empty(pairs * most, np.int64)
-        evidence = np.empty(pairs)
+        out = Candidates(
+            np.empty((pairs * most, 2)),
+            np.empty(pairs * most),
+            np.empty(pairs * most, np.int64),
+            np.empty(pairs),
+        )
         count = ridge_candidates(
             bearings,
             shapes,
             self.shifts(odds, shapes),
             first,
             margin,
-            *self._arguments,
-            *self._scratch(),
-            np.empty(self.bins * self.bins, np.float32),
+            self.arrays,
+            make_scratch(self.bins),
             np.empty((most, 3)),
-            poses,
-            values,
-            owners,
-            evidence,
+            out,
         )
-        return poses[:count], values[:count], owners[:count], evidence
-
-    @cached_property
-    def _arguments(self) -> tuple[Any, ...]:
-        """What the kernels take of these."""
-        return (
-            self.sines,
-            self.cosines,
-            self.levels,
-            self._highest,
-            self.reach,
-            self.bases,
-            self.near_by,
-            self.profiles[0].size,
-            self.profiles.ravel(),
-        )
-
-    def _scratch(self) -> tuple[Any, ...]:
-        growths = np.empty((CHUNK, self.bins), np.float32)
-        return (
-            np.empty((2, self.bins * (self.bins + PAD)), np.float32),
-            np.empty(8, np.float32),
-            np.empty((4, CHUNK), np.int64),
-            growths,
-            growths.view(np.int32),
-            np.empty((3, CHUNK, self.bins), np.int32),
-        )
+        return Candidates(out.poses[:count], out.values[:count], out.owners[:count], out.evidence)
 
 
-def make_ridges(density: FloatArray, profile: FloatArray, bins: int) -> Ridges:
+def make_ridges(density: NDArray[np.floating], profile: NDArray[np.floating], bins: int) -> Ridges:
     """Make the profiles of a table for grids of so many bins.
 
     Parameters
@@ -253,14 +197,18 @@ def make_ridges(density: FloatArray, profile: FloatArray, bins: int) -> Ridges:
         profiles[:, :, k] = np.log1p(ratios[:, None, None, None] * mean)
     angles = (np.arange(bins) + 0.5) * cell
     return Ridges(
-        bins=bins,
-        sines=np.sin(angles).astype(np.float32),
-        cosines=np.cos(angles).astype(np.float32),
-        levels=np.ascontiguousarray(level_table),
-        reach=reach,
-        bases=(elevation // ELEVATIONS_A_KIND * (NUM_GROWTHS * SUBCELLS)).astype(np.int32),
-        near_by=np.float32(_extent(kind_profiles, TYPICAL_RATIO) / (3.0 * cell)),
-        profiles=profiles,
+        bins,
+        RidgeArrays(
+            sines=np.sin(angles).astype(np.float32),
+            cosines=np.cos(angles).astype(np.float32),
+            levels=np.ascontiguousarray(level_table),
+            highest=level_table.max(axis=1).astype(np.int64),
+            reach=reach,
+            bases=(elevation // ELEVATIONS_A_KIND * (NUM_GROWTHS * SUBCELLS)).astype(np.int32),
+            near_by=np.float32(_extent(kind_profiles, TYPICAL_RATIO) / (3.0 * cell)),
+            size=profiles[0].size,
+            profiles=profiles.ravel(),
+        ),
     )
 
 

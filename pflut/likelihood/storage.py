@@ -45,15 +45,14 @@ def write_table(
     """
     described = json.dumps(learned_from, sort_keys=True)
     with replacing(path) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(
-            file,
-            format=np.array(FORMAT),
-            version=np.array(VERSION),
-            kind=np.array(kind),
-            learned_from=np.array(described),
-            checksum=np.array(_checksum(kind, arrays, described)),
-            **arrays,
-        )
+        entries: dict[str, Any] = {
+            "format": np.array(FORMAT),
+            "version": np.array(VERSION),
+            "kind": np.array(kind),
+            "learned_from": np.array(described),
+            "checksum": np.array(_checksum(kind, arrays, described)),
+        }
+        np.savez_compressed(file, **entries, **arrays)
 
 
 def read_table(

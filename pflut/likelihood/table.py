@@ -24,14 +24,14 @@ from pflut.likelihood.axes import (
 from pflut.likelihood.learning import (
     SHAPE_CELLS,
     Pair,
-    Progress,
     count_pairs,
     count_simulated,
     fit,
     quality_ratio,
 )
-from pflut.likelihood.residual_kernels import score, shape_cells
+from pflut.likelihood.residual_kernels import PairArrays, TableArrays, score, shape_cells
 from pflut.likelihood.ridges import Ridges, make_ridges
+from pflut.likelihood.sampling import Progress
 from pflut.likelihood.storage import read_table, write_table
 from pflut.simulation.correspondences import CorrespondenceSimulator
 
@@ -150,9 +150,9 @@ class LikelihoodTable:
         return (1.0 - self.mismatch) / self.mismatch
 
     @cached_property
-    def positions(self) -> FloatArray:
-        """Places between the parallax's cells, for the kernels."""
-        return parallax_positions()
+    def arrays(self) -> TableArrays:
+        """What the kernels take of the table."""
+        return TableArrays(parallax_positions(), self.density, self.profile)
 
     @cached_property
     def _ridges(self) -> dict[int, Ridges]:
@@ -206,7 +206,7 @@ class LikelihoodTable:
         if self.quality is not None and correspondences.quality is not None:
             cells = (correspondences.quality * QUALITY_CELLS).astype(np.int64)
             odds *= self.quality[cells.clip(0, QUALITY_CELLS - 1)]
-        return np.maximum(odds, 1e-6)
+        return np.asarray(np.maximum(odds, 1e-6))
 
     def log_likelihood_grid(
         self, correspondences: Correspondences, bins: int | None = None
@@ -253,19 +253,10 @@ class LikelihoodTable:
         if poses.ndim != 2 or poses.shape[1] != 2:
             raise ValueError(f"headings: expected shape (m, 2), got {poses.shape}")
         bearings, odds = bearing_table(correspondences), self.odds(correspondences)
+        first = np.array([0, len(odds)])
+        pair = PairArrays(np.ascontiguousarray(bearings.T), self.shapes(bearings), odds, first)
         out = np.empty(len(poses))
-        score(
-            np.ascontiguousarray(bearings.T),
-            self.shapes(bearings),
-            odds,
-            np.array([0, len(odds)]),
-            poses,
-            np.zeros(len(poses), np.int64),
-            self.positions,
-            self.density,
-            self.profile,
-            out,
-        )
+        score(pair, poses, np.zeros(len(poses), np.int64), self.arrays, out)
         return out - float(np.log1p(odds).sum())
 
     @staticmethod

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from pflut.geometry import TWO_PI, FloatArray, wrap_to_pi
+from pflut.likelihood.table import bearing_table
 from pflut.localization.estimate import Estimate, estimate_from_particles
 from pflut.localization.reference_image_model import ReferenceImageModel, ReferenceMatch
-from pflut.likelihood.table import bearing_table
 from pflut.relpose.estimate import CUTOFFS, STEPS_PER_CUTOFF
 from pflut.relpose.kernels import refine_pose
 

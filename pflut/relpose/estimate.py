@@ -71,11 +71,11 @@ def estimate_relative_pose(
     pairs of images", RSS 2010, sections III and IV. Z. Zhang, "Parameter estimation techniques: a
     tutorial with application to conic fitting", 1997 (the biweight).
     """
-    learned = isinstance(likelihood, LikelihoodTable)
-    if learned and polish and posterior is None:
-        return estimate_relative_poses([correspondences], likelihood, noise=noise)[0]
-    if noise is None:
-        noise = likelihood.noise if learned else DEFAULT_NOISE
+    if isinstance(likelihood, LikelihoodTable):
+        if polish and posterior is None:
+            return estimate_relative_poses([correspondences], likelihood, noise=noise)[0]
+        noise = likelihood.noise if noise is None else noise
+    noise = DEFAULT_NOISE if noise is None else noise
     if not 0.0 < noise < np.pi / 2:
         raise ValueError(f"noise: expected radians in (0, pi/2), got {noise}")
     if posterior is None:

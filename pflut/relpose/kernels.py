@@ -39,7 +39,7 @@ def _residual(bearing, sin_theta, cos_theta, sin_phi, cos_phi, out):  # type: ig
 
 
 @jit
-def _refine(
+def _refine(  # type: ignore[no-untyped-def]
     sin_al,
     cos_al,
     sin_el,
@@ -52,7 +52,7 @@ def _refine(
     steps_per_scale,
     headings,
     information,
-):  # type: ignore[no-untyped-def]
+):
     """Polish the two headings, as `refine`; the loop over the correspondences is vectorised."""
     inliers = 0.0
     for scale in scales:
@@ -163,9 +163,9 @@ def refine_many(columns, first, scales, steps_per_scale, poses, owners, informat
 
 
 @jit
-def _count_inliers(
+def _count_inliers(  # type: ignore[no-untyped-def]
     sin_al, cos_al, sin_el, cos_el, sin_ar, cos_ar, sin_er, cos_er, cutoff, headings
-):  # type: ignore[no-untyped-def]
+):
     """Count the correspondences that agree with a pose; the loop is vectorised."""
     sin_theta, cos_theta = np.sin(headings[0]), np.cos(headings[0])
     sin_phi, cos_phi = np.sin(headings[1]), np.cos(headings[1])

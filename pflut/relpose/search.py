@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pflut.correspondences import Correspondences
 from pflut.geometry import FloatArray, rotation_from_headings, wrap_to_pi
-from pflut.likelihood.residual_kernels import maximize
+from pflut.likelihood.residual_kernels import PairArrays, maximize
 from pflut.likelihood.table import LikelihoodTable, bearing_rows
 from pflut.relpose.kernels import judge, refine_many
 from pflut.relpose.result import UNIFORM_VARIANCE, RelativePose
@@ -96,10 +96,10 @@ def estimate_relative_poses(
         return _solve(task, table, noise, bins, candidates)
 
     if num_threads == 1 or len(tasks) <= 1:
-        solved = map(solve, tasks)
+        solved = [solve(task) for task in tasks]
     else:
         with ThreadPoolExecutor(num_threads) as pool:
-            solved = iter(list(pool.map(solve, tasks)))
+            solved = list(pool.map(solve, tasks))
     return [pose for poses in solved for pose in poses]
 
 
@@ -115,6 +115,7 @@ def _solve(
     bearings, odds = _gather(pairs, table)
     columns = np.ascontiguousarray(bearings.T)
     shapes = table.shapes(bearings)
+    arrays = PairArrays(columns, shapes, odds, first)
     poses, _, owners, evidence = table.ridges(bins).candidates(
         bearings, shapes, odds, first, margin=MARGIN, most=most
     )
@@ -127,20 +128,7 @@ def _solve(
     for count, steps in CLIMBS:
         chosen = _best(values, owners, chosen, count) if count < most else chosen
         climbing, found, known = poses[chosen], np.empty(len(chosen)), np.empty((len(chosen), 5))
-        maximize(
-            columns,
-            shapes,
-            odds,
-            first,
-            climbing,
-            owners[chosen],
-            steps,
-            table.positions,
-            table.density,
-            table.profile,
-            found,
-            known,
-        )
+        maximize(arrays, climbing, owners[chosen], steps, table.arrays, found, known)
         poses[chosen], values[chosen], information[chosen] = climbing, found, known
     # the last of them are one a pair, in the pairs' order
     headings = wrap_to_pi(poses[chosen])
