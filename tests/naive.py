@@ -1,8 +1,9 @@
 """Readable twins of every kernel: what it must compute, in loops and plain formulas.
 
-One part a part of the library: the vision kernels, the simulator, the table, the M-estimator, the
-sensor model, the simulated home, the particle filter. Nothing here is fast, and nothing is taken
-from pflut but the names of a surface's columns.
+One part a part of the library: the vision kernels, the simulator, the paper's table, the residual
+table, the M-estimator, the sensor model, the simulated home, the particle filter. Nothing here is
+fast, and nothing is taken from pflut but the names of a surface's columns and the edges of the
+residual table's cells.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from itertools import combinations
 
 import numpy as np
 
+from pflut.likelihood import axes
 from pflut.simulation import raster
 
 # --- vision ---------------------------------------------------------------------------------------
@@ -264,7 +266,7 @@ def simulate(
     return headings % (2 * np.pi), bearings
 
 
-# --- the table: Algorithms 1 and 2 ---------------------------------------------------------------
+# --- the paper's table: Algorithms 1 and 2 --------------------------------------------------------
 
 
 def cell(angle, bins):
@@ -321,6 +323,198 @@ def log_ratio(histogram, uniform):
     return out
 
 
+# --- the residual table ---------------------------------------------------------------------------
+
+
+def constraint(bearing, theta, phi):
+    """The planar epipolar constraint at poses (arrays); bearing: azimuth and elevation of L, R."""
+    azimuth_l, elevation_l, azimuth_r, elevation_r = bearing
+    left = np.sin(elevation_r) * np.cos(elevation_l) * np.sin(theta - azimuth_l)
+    return left + np.sin(elevation_l) * np.cos(elevation_r) * np.sin(phi - azimuth_r)
+
+
+def gradient_length(bearing, theta, phi, step=1e-5):
+    """Change of the constraint as the two points move by an arc of the sphere, any way."""
+    squares = 0.0
+    for i in range(4):
+        # an azimuth moves the point by cos(elevation) of its own change
+        arc = step / np.cos(bearing[i + 1]) if i % 2 == 0 else step
+        there, back = np.array(bearing, float), np.array(bearing, float)
+        there[i] += arc
+        back[i] -= arc
+        change = constraint(there, theta, phi) - constraint(back, theta, phi)
+        squares = squares + (change / (2 * step)) ** 2
+    return np.sqrt(squares)
+
+
+def residuals(bearing, theta, phi):
+    """Distance of a correspondence to the constraint at poses, radians."""
+    return constraint(bearing, theta, phi) / gradient_length(bearing, theta, phi)
+
+
+def residual_slopes(bearing, theta, phi, step=1e-5):
+    """Change of the constraint with either heading, in units of the residual."""
+    length = gradient_length(bearing, theta, phi)
+    by_theta = constraint(bearing, theta + step, phi) - constraint(bearing, theta - step, phi)
+    by_phi = constraint(bearing, theta, phi + step) - constraint(bearing, theta, phi - step)
+    return by_theta / (2 * step) / length, by_phi / (2 * step) / length
+
+
+def parallax(bearing, theta, phi):
+    """The third angle of the triangle seen from above; NaN for different sides of the base line."""
+    u, v = wrap(theta - bearing[0]), wrap(phi - bearing[2])
+    return np.where(u * v > 0, np.nan, np.pi - np.abs(u) - np.abs(v))
+
+
+def looked_up(bearing, theta, phi):
+    """The parallax as it is looked up: at the middle of a step of sin(gamma / 2)."""
+    step = 2 / axes.PARALLAX_STEPS
+    sine = np.sin(parallax(bearing, theta, phi) / 2)
+    return 2 * np.arcsin(np.minimum((np.floor((sine + 1) / step) + 0.5) * step - 1, 1))
+
+
+def parallax_cells(bearing, theta, phi):
+    """Cell of the parallax; the first one if the lines of sight diverge or pass on both sides."""
+    gamma = looked_up(bearing, theta, phi)
+    return sum((gamma >= edge).astype(int) for edge in axes.parallax_edges()[:-1])
+
+
+def densities(bearing, theta, phi, density):
+    """Density ratio of a landmark there, (*poses, C): linear between the middles of the cells."""
+    gamma = looked_up(bearing, theta, phi)
+    edges = axes.parallax_edges()
+    middles = (edges[1:] + edges[:-1]) / 2
+    row = density[:, shape(bearing)]
+    apart = ~(gamma >= edges[0])
+    between = [np.interp(gamma, middles, row[1:, c]) for c in range(row.shape[1])]
+    return np.stack([np.where(apart, row[0, c], b) for c, b in enumerate(between)], axis=-1)
+
+
+def shape(bearing):
+    """Cell of the ratio of the slopes and of the larger elevation."""
+    low, high = sorted((abs(bearing[1]), abs(bearing[3])))
+    r = math.tan(low) / math.tan(high) if high else 0.0
+    r = -r if bearing[1] * bearing[3] < 0 else r
+    ratio = sum(r >= edge for edge in axes.RATIO_EDGES[1:-1])
+    elevation = sum(high >= edge for edge in axes.elevation_edges()[1:-1])
+    return ratio * axes.ELEVATION_CELLS + elevation
+
+
+def agreement(residual, row):
+    """Look a profile up: linear between its nodes along the root of the residual."""
+    nodes = axes.residual_nodes()
+    return np.interp(np.sqrt(np.abs(residual)), np.sqrt(nodes), row, right=0.0)
+
+
+def ratios(bearing, theta, phi, density, profile, least=0.0):
+    """Density ratio of a true match to a mismatch at poses, (*poses, C); 0 far from the curve."""
+    row = profile[shape(bearing) % axes.ELEVATION_CELLS]
+    height = np.asarray(agreement(residuals(bearing, theta, phi), row))
+    height = np.where(height > least, height, 0.0)
+    return densities(bearing, theta, phi, density) * height[..., None]
+
+
+def mean_parallax(bearings, theta, phi, band):
+    """Average sin(gamma / 2) of what agrees with a pose and does not diverge."""
+    halves = []
+    for bearing in bearings:
+        if abs(residuals(bearing, theta, phi)) < band and parallax_cells(bearing, theta, phi) > 0:
+            sine = np.sin(parallax(bearing, theta, phi) / 2)
+            step = 2 / axes.PARALLAX_STEPS
+            halves.append(np.floor((sine + 1) / step) * step - 1)
+    return np.mean(halves) if halves else 0.0
+
+
+def count_residuals(bearings, theta, phi, band):
+    """Counts of one pair at one pose: (parallax, shape) within the band, (elevation, residual)."""
+    shapes = (len(axes.RATIO_EDGES) - 1) * axes.ELEVATION_CELLS
+    inside = np.zeros((axes.PARALLAX_CELLS, shapes))
+    profile = np.zeros((axes.ELEVATION_CELLS, axes.RESIDUAL_CELLS + 1))
+    for bearing in bearings:
+        residual = abs(residuals(bearing, theta, phi))
+        if residual < band:
+            inside[parallax_cells(bearing, theta, phi), shape(bearing)] += 1
+        k = sum(residual >= edge for edge in axes.residual_nodes()[1:])
+        profile[shape(bearing) % axes.ELEVATION_CELLS, k] += 1
+    return inside, profile
+
+
+def log_likelihood(bearings, odds, theta, phi, density, profile):
+    """Log-likelihood ratio of one pose, the mean over the depth classes; and their shares."""
+    classes = np.zeros(density.shape[2])
+    for bearing, one in zip(bearings, odds, strict=True):
+        ratio = ratios(bearing, theta, phi, density, profile)
+        classes += np.log((1 + one * ratio) / (1 + one))
+    total = np.logaddexp.reduce(classes)
+    return total - np.log(len(classes)), np.exp(classes - total)
+
+
+def climb(bearings, odds, theta, phi, density, profile, least, longest=0.1):
+    """One step of expectation maximization: the pose after it, and the information before.
+
+    Of correspondences whose odds times profile are above ``least``.
+    """
+    _, shares = log_likelihood(bearings, odds, theta, phi, density, profile)
+    matrix, vector = np.zeros((2, 2)), np.zeros(2)
+    squares = total = 0.0
+    for bearing, one in zip(bearings, odds, strict=True):
+        ratio = one * ratios(bearing, theta, phi, density, profile, least / one)
+        # the probability that it is a true match, over the classes
+        weight = shares @ (ratio / (1 + ratio))
+        residual = residuals(bearing, theta, phi)
+        slopes = np.array(residual_slopes(bearing, theta, phi))
+        matrix += weight * np.outer(slopes, slopes)
+        vector += weight * slopes * residual
+        squares += weight * residual**2
+        total += weight
+    step = np.linalg.solve(matrix + (1e-6 * np.trace(matrix) + 1e-9) * np.eye(2), vector)
+    length = np.linalg.norm(step)
+    if length > longest:
+        step *= longest / length
+    information = [matrix[0, 0], matrix[0, 1], matrix[1, 1], squares, total]
+    return np.array([theta, phi]) - step, information
+
+
+def ridges(bearings, odds, density, profile, bins, samples):
+    """Grid of log-likelihood ratios: the mean ratio over each cell, of samples x samples places."""
+    steps = (np.arange(bins * samples) + 0.5) * (2 * np.pi / (bins * samples))
+    theta, phi = np.meshgrid(steps, steps, indexing="ij")
+    mean_density = density.mean(axis=2, keepdims=True)
+    total = np.zeros((bins, bins))
+    for bearing, one in zip(bearings, odds, strict=True):
+        ratio = ratios(bearing, theta, phi, mean_density, profile)
+        mean = ratio.reshape(bins, samples, bins, samples).mean(axis=(1, 3))
+        total += np.log((1 + one * mean) / (1 + one))
+    return total
+
+
+def local_maxima(grid, margin, most):
+    """[row, column, value] of cells higher than their eight neighbours, by a parabola each way."""
+    bins = len(grid)
+    found = []
+    for i in range(bins):
+        for j in range(bins):
+            value = grid[i, j]
+            around = [
+                grid[(i + di) % bins, (j + dj) % bins]
+                for di in (-1, 0, 1)
+                for dj in (-1, 0, 1)
+                if di or dj
+            ]
+            if value < grid.max() - margin or max(around) >= value:
+                continue
+            place = []
+            for before, after in (
+                (grid[i - 1, j], grid[(i + 1) % bins, j]),
+                (grid[i, j - 1], grid[i, (j + 1) % bins]),
+            ):
+                # the vertex of the parabola through (-1, before), (0, value), (1, after)
+                a, b, _ = np.polyfit([-1, 0, 1], [before, value, after], 2)
+                place.append(-b / (2 * a))
+            found.append([i + place[0], j + place[1], value])
+    return sorted(found, key=lambda row: -row[2])[:most]
+
+
 # --- the planar epipolar residual and the M-estimator --------------------------------------------
 
 
@@ -374,6 +568,66 @@ def count_inliers(bearings, theta, phi, cutoff):
         and bool((planar_depths(b, theta, phi) > 0).all())
         for b in bearings
     )
+
+
+def in_front(bearing, theta, phi, slack=1e-3):
+    """Whether both depths are positive, with the benefit of the doubt near the base line."""
+    u, v = theta - bearing[0], phi - bearing[2]
+    apex = math.sin(u - v)
+    if apex == 0:
+        return True
+    return bool((planar_depths(bearing, theta, phi) * apex**2 >= -slack).all())
+
+
+def polish(bearings, theta, phi, cutoffs, steps):
+    """Reweighted least squares with Tukey's biweight: the pose after so many steps a cut-off."""
+    pose = np.array([theta, phi], float)
+    for cutoff in cutoffs:
+        for _ in range(steps):
+            matrix, vector = np.zeros((2, 2)), np.zeros(2)
+            for bearing in bearings:
+                residual = residuals(bearing, *pose)
+                if abs(residual) < cutoff and in_front(bearing, *pose):
+                    slopes = np.array(residual_slopes(bearing, *pose))
+                    weight = (1 - (residual / cutoff) ** 2) ** 2
+                    matrix += weight * np.outer(slopes, slopes)
+                    vector += weight * slopes * residual
+            if not matrix.any():
+                return pose
+            matrix += (1e-6 * np.trace(matrix) + 1e-12) * np.eye(2)
+            step = np.linalg.solve(matrix, vector)
+            pose -= step * min(1.0, 0.1 / np.linalg.norm(step))
+    return pose
+
+
+def log_false_alarms(inliers, total, share, cutoff):
+    """Log of the number of poses with as many inliers by coincidence: the binomial tail, summed."""
+    share = min(max(share, 1 / (16 * max(total, 1))), 1 - 1e-9)
+    tail = math.fsum(
+        math.comb(total, k) * share**k * (1 - share) ** (total - k)
+        for k in range(inliers, total + 1)
+    )
+    return 2 * math.log(math.pi / cutoff) + math.log(tail)
+
+
+def judge(bearings, theta, phi, cutoff, shifts):
+    """Inliers, and the log of false alarms by mismatches made of the bearings themselves."""
+    n = len(bearings)
+
+    def agreeing(rows):
+        return sum(
+            abs(residuals(row, theta, phi)) < cutoff and in_front(row, theta, phi) for row in rows
+        )
+
+    inliers = agreeing(bearings)
+    shifts = min(shifts, n - 1)
+    if shifts < 1:
+        return inliers, 0.0
+    by_chance = 0
+    for shift in range(1, shifts + 1):
+        rows = [[*bearings[i][:2], *bearings[(i + shift) % n][2:]] for i in range(n)]
+        by_chance += agreeing(rows)
+    return inliers, log_false_alarms(inliers, n, by_chance / (n * shifts), cutoff)
 
 
 # --- the sensor model ----------------------------------------------------------------------------
