@@ -508,8 +508,8 @@ def local_maxima(grid, margin, most):
                 (grid[i - 1, j], grid[(i + 1) % bins, j]),
                 (grid[i, j - 1], grid[i, (j + 1) % bins]),
             ):
-                # the vertex of the parabola through (-1, before), (0, value), (1, after)
-                a, b, _ = np.polyfit([-1, 0, 1], [before, value, after], 2)
+                # a x^2 + b x + value through (-1, before) and (1, after)
+                a, b = (before + after) / 2 - value, (after - before) / 2
                 place.append(-b / (2 * a))
             found.append([i + place[0], j + place[1], value])
     return sorted(found, key=lambda row: -row[2])[:most]
