@@ -13,9 +13,9 @@ from pflut.datasets.base import Dataset
 from pflut.features import FeatureCache, FeatureExtractor, match
 from pflut.geometry import relative_headings
 from pflut.likelihood.table import bearing_table
-from pflut.relpose.kernels import judge
+from pflut.relpose.estimate import CUTOFFS
+from pflut.relpose.kernels import refine
 from pflut.relpose.result import RelativePose
-from pflut.relpose.search import INLIER_CUTOFF
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +46,7 @@ def dataset_pairs(
     extractor: FeatureExtractor,
     *,
     max_distance: float = 3.0,
+    across: bool = False,
     ratio: float = 0.8,
     mutual: bool = True,
     cache: FeatureCache | None = None,
@@ -60,6 +61,8 @@ def dataset_pairs(
     extractor : FeatureExtractor
     max_distance : float
         Metres.
+    across : bool
+        Only a reference image with a query image, as they meet in localization.
     ratio : float
         Of the ratio test.
     mutual : bool
@@ -71,14 +74,14 @@ def dataset_pairs(
     Yields
     ------
     ImagePair
-        Each pair once, the earlier image as reference.
+        Each pair once, the earlier image as reference; with ``across`` the dataset's reference.
 
     Raises
     ------
     ValueError
         If no two images with a true pose are so near.
     """
-    chosen = near_pairs(dataset, max_distance)
+    chosen = near_pairs(dataset, max_distance, across=across)
     features = {
         index: extractor(image) if cache is None else cache(extractor, image)
         for index in sorted(set(chosen.ravel().tolist()))
@@ -100,7 +103,7 @@ def dataset_pairs(
             progress(done, len(chosen))
 
 
-def near_pairs(dataset: Dataset, max_distance: float) -> NDArray[np.intp]:
+def near_pairs(dataset: Dataset, max_distance: float, *, across: bool = False) -> NDArray[np.intp]:
     """Find the pairs of images with true poses that are near each other, but not in one place.
 
     Parameters
@@ -108,11 +111,13 @@ def near_pairs(dataset: Dataset, max_distance: float) -> NDArray[np.intp]:
     dataset : Dataset
     max_distance : float
         Metres.
+    across : bool
+        Only a reference image with a query image.
 
     Returns
     -------
     ndarray of shape (k, 2)
-        Indices of images, the smaller one first; at least one pair.
+        Indices of images, at least one pair: the smaller one first, with ``across`` the reference.
 
     Raises
     ------
@@ -126,10 +131,18 @@ def near_pairs(dataset: Dataset, max_distance: float) -> NDArray[np.intp]:
     distance = np.hypot(offsets[..., 0], offsets[..., 1])
     with np.errstate(invalid="ignore"):
         near = (distance > 0.0) & (distance <= max_distance)
-    pairs = np.argwhere(np.triu(near, 1))
+    if across:
+        linked = np.zeros_like(near)
+        linked[np.ix_(dataset.reference_indices, dataset.query_indices)] = True
+        # where all images are both, each pair once
+        near &= linked & ~np.tril(linked.T)
+    else:
+        near = np.triu(near)
+    pairs = np.argwhere(near)
     if not len(pairs):
+        what = "reference and query" if across else "two images"
         raise ValueError(
-            f"{dataset.name}: no two images with true poses within {max_distance:g} m of each other"
+            f"{dataset.name}: no {what} with true poses within {max_distance:g} m of each other"
         )
     return pairs
 
@@ -144,17 +157,18 @@ def agreeing(
     correspondences : Correspondences
     pose : RelativePose
     noise : float
-        Standard deviation of the bearings, radians; three of them are forgiven. A
-        `LikelihoodTable` has its own.
+        Standard deviation of the bearings, radians; three of them are forgiven.
 
     Returns
     -------
     ndarray of shape (n,), bool
     """
-    count = len(correspondences)
-    columns = np.ascontiguousarray(bearing_table(correspondences).T)
-    headings = np.tile([pose.heading_l, pose.heading_r], (count, 1))
-    agree, alarms = np.empty(count, np.int64), np.empty(count)
-    # each one is a pair of views by itself
-    judge(columns, np.arange(count + 1), headings, INLIER_CUTOFF * noise, 1, agree, alarms)
-    return agree.astype(bool)
+    cutoff = noise * CUTOFFS[-1:]
+    columns = bearing_table(correspondences).T
+    headings = np.array([pose.heading_l, pose.heading_r])
+    count = [
+        # one step from the pose tells whether the one correspondence is an inlier there
+        refine(np.ascontiguousarray(column), cutoff, 1, headings.copy(), np.zeros(4))
+        for column in np.split(columns, len(correspondences), axis=1)
+    ]
+    return np.array(count, dtype=bool)

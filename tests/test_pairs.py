@@ -29,6 +29,23 @@ def test_near_pairs_are_all_and_only_those(room_dataset: Dataset) -> None:
     assert near_pairs(room_dataset, 1.4).tolist() == expected
 
 
+def test_pairs_across_are_of_a_reference_and_a_query(room_dataset: Dataset) -> None:
+    references, queries = (
+        set(indices.tolist())
+        for indices in (room_dataset.reference_indices, room_dataset.query_indices)
+    )
+    found = near_pairs(room_dataset, 1.4, across=True).tolist()
+    every = near_pairs(room_dataset, 1.4).tolist()
+    assert 0 < len(found) < len(every)
+    assert all(left in references and right in queries for left, right in found)
+    mixed = [pair for pair in every if len(references.intersection(pair)) == 1]
+    assert sorted(sorted(pair) for pair in found) == mixed
+    # where every image is both, each pair once
+    assert near_pairs(room_dataset.with_references("all"), 1.4, across=True).tolist() == every
+    with pytest.raises(ValueError, match=r"no reference and query with true poses within 1\.4 m"):
+        near_pairs(dataclasses.replace(room_dataset, reference_indices=[]), 1.4, across=True)
+
+
 def test_images_in_one_place_or_without_a_pose_are_no_pair(room_dataset: Dataset) -> None:
     truth = np.full((len(room_dataset), 3), np.nan)
     truth[:3] = [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]
@@ -59,8 +76,7 @@ def test_matches_agree_with_the_true_headings(
     for pair in pairs:
         pose = estimate_relative_pose(pair.correspondences, small_table)
         assert 0.0 < pair.distance <= 0.6
-        good = agreeing(pair.correspondences, pose, noise=small_table.noise)
-        assert good.sum() == pose.num_inliers
+        assert agreeing(pair.correspondences, pose).sum() == pose.num_inliers
         errors.append([pose.heading_l - pair.heading_l, pose.heading_r - pair.heading_r])
     assert np.median(np.abs(wrap_to_pi(errors))) < np.radians(2.0)
 
