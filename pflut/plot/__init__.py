@@ -14,6 +14,7 @@ from pflut._lazy import lazy
 if TYPE_CHECKING:
     from pflut.plot.animation import ParticleFrame as ParticleFrame
     from pflut.plot.animation import animate_particles as animate_particles
+    from pflut.plot.calibration import plot_calibration as plot_calibration
     from pflut.plot.errors import plot_error_against as plot_error_against
     from pflut.plot.errors import plot_errors as plot_errors
     from pflut.plot.map import draw_map as draw_map
@@ -26,6 +27,7 @@ _NAMES = {
     "ParticleFrame": "animation",
     "animate_particles": "animation",
     "draw_map": "map",
+    "plot_calibration": "calibration",
     "plot_correspondences": "pair",
     "plot_error_against": "errors",
     "plot_errors": "errors",
