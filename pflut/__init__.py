@@ -12,6 +12,9 @@ from typing import TYPE_CHECKING
 from pflut._lazy import lazy
 
 if TYPE_CHECKING:
+    from pflut.calibration import Coverage as Coverage
+    from pflut.calibration import coverage as coverage
+    from pflut.calibration import fit_temperature as fit_temperature
     from pflut.camera import load_camera as load_camera
     from pflut.correspondences import Correspondences as Correspondences
     from pflut.datasets import load_dataset as load_dataset
@@ -45,6 +48,7 @@ __version__ = "0.1.0"
 _NAMES = {
     "Correspondences": "correspondences",
     "CorrespondenceSimulator": "simulation.correspondences",
+    "Coverage": "calibration",
     "Dataset": "datasets.base",
     "DifferentialDrive": "localization.motion",
     "Estimate": "localization.estimate",
@@ -62,8 +66,10 @@ _NAMES = {
     "ReferenceMap": "reference_map",
     "RelativePose": "relpose.result",
     "Trajectory": "trajectory",
+    "coverage": "calibration",
     "estimate_relative_pose": "relpose.estimate",
     "estimate_relative_poses": "relpose.search",
+    "fit_temperature": "calibration",
     "load_camera": "camera",
     "load_dataset": "datasets",
     "match": "features",

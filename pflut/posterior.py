@@ -121,6 +121,41 @@ class GridPosterior:
         """Return the circular mean of the rotation, radians in (-pi, pi]."""
         return circular_mean(*self.rotation())
 
+    def cell(self, heading_l: float, heading_r: float) -> tuple[int, int]:
+        """Return the indices of the cell that a pose lies in.
+
+        Parameters
+        ----------
+        heading_l, heading_r : float
+            Radians, any number of turns.
+
+        Returns
+        -------
+        i, j : int
+            Of heading_l and of heading_r.
+        """
+        i, j = np.floor(np.array([heading_l, heading_r]) * (self.bins / TWO_PI)).astype(int)
+        return int(i) % self.bins, int(j) % self.bins
+
+    def log_density(self, heading_l: float, heading_r: float) -> float:
+        """Return the log of the probability density at a pose.
+
+        The true pose's is a proper score of a posterior: in the mean over many pairs the right
+        posterior has the highest. Where nothing is known it is -2 log(2 pi) = -3.68.
+
+        Parameters
+        ----------
+        heading_l, heading_r : float
+            Radians.
+
+        Returns
+        -------
+        float
+            Of probability a squared radian, in nats; grids of any number of cells compare.
+        """
+        area = (TWO_PI / self.bins) ** 2
+        return float(self.log_prob[self.cell(heading_l, heading_r)] - np.log(area))
+
     def credible_mass(self, heading_l: float, heading_r: float) -> float:
         """Return the mass of the smallest credible region that contains a pose.
 
@@ -138,7 +173,7 @@ class GridPosterior:
             The probability of all cells at least as probable as the pose's own; of cells as
             probable as it, half.
         """
-        level = self.log_prob[self._index(heading_l), self._index(heading_r)]
+        level = self.log_prob[self.cell(heading_l, heading_r)]
         above = float(self.prob[self.log_prob > level].sum())
         equal = float(self.prob[self.log_prob == level].sum())
         return min(1.0, above + 0.5 * equal)
@@ -173,9 +208,6 @@ class GridPosterior:
         """Return the entropy in nats; log(B^2) where nothing is known."""
         possible = self.prob > 0.0
         return float(-np.sum(self.prob[possible] * self.log_prob[possible]))
-
-    def _index(self, heading: float) -> int:
-        return int(np.floor(heading / TWO_PI * self.bins)) % self.bins
 
 
 def pose_posterior(

@@ -31,6 +31,7 @@ ORDER = [
     "reference_map",
     "localization",
     "pairs plot",
+    "calibration",
     "environment",
     "replay",
     "results",
