@@ -13,9 +13,9 @@ from pflut.datasets.base import Dataset
 from pflut.features import FeatureCache, FeatureExtractor, match
 from pflut.geometry import relative_headings
 from pflut.likelihood.table import bearing_table
-from pflut.relpose.estimate import CUTOFFS
-from pflut.relpose.kernels import refine
+from pflut.relpose.kernels import judge
 from pflut.relpose.result import RelativePose
+from pflut.relpose.search import INLIER_CUTOFF
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,18 +157,17 @@ def agreeing(
     correspondences : Correspondences
     pose : RelativePose
     noise : float
-        Standard deviation of the bearings, radians; three of them are forgiven.
+        Standard deviation of the bearings, radians; three of them are forgiven. A
+        `LikelihoodTable` has its own.
 
     Returns
     -------
     ndarray of shape (n,), bool
     """
-    cutoff = noise * CUTOFFS[-1:]
-    columns = bearing_table(correspondences).T
-    headings = np.array([pose.heading_l, pose.heading_r])
-    count = [
-        # one step from the pose tells whether the one correspondence is an inlier there
-        refine(np.ascontiguousarray(column), cutoff, 1, headings.copy(), np.zeros(4))
-        for column in np.split(columns, len(correspondences), axis=1)
-    ]
-    return np.array(count, dtype=bool)
+    count = len(correspondences)
+    columns = np.ascontiguousarray(bearing_table(correspondences).T)
+    headings = np.tile([pose.heading_l, pose.heading_r], (count, 1))
+    agree, alarms = np.empty(count, np.int64), np.empty(count)
+    # each one is a pair of views by itself
+    judge(columns, np.arange(count + 1), headings, INLIER_CUTOFF * noise, 1, agree, alarms)
+    return agree.astype(bool)
