@@ -13,11 +13,13 @@ import room
 from pflut.datasets import Dataset, load_folder
 from pflut.features import FeatureCache, match
 from pflut.geometry import compose, relative_headings, wrap_to_pi
+from pflut.likelihood.dense import DenseTable
 from pflut.likelihood.table import LikelihoodTable
 from pflut.reference_map import ReferenceMap
 from pflut.relpose.estimate import estimate_relative_pose
 from pflut.replay import ReplayOptions, ReplayResult, prepare_dataset, replay_dataset
 from pflut.replay.each import localize_each
+from pflut.replay.figures import draw_figures
 from pflut.replay.pipeline import make_extractor, make_motion
 
 OPTIONS = ReplayOptions(num_particles=2000)
@@ -31,7 +33,8 @@ def replay(
 
     def run(dataset: Dataset = room_dataset, **more: object) -> ReplayResult:
         options = dataclasses.replace(OPTIONS, **more.pop("options", {}))  # type: ignore[arg-type]
-        return replay_dataset(dataset, options, table=small_table, cache=room_cache, **more)  # type: ignore[arg-type]
+        more = {"table": small_table, "cache": room_cache, **more}
+        return replay_dataset(dataset, options, **more)  # type: ignore[arg-type]
 
     return run
 
@@ -105,6 +108,36 @@ def test_known_starts(replay: Callable[..., ReplayResult], lost: ReplayResult) -
         # 2000 draws of standard deviation 0.2 m: five standard errors
         np.testing.assert_allclose(cloud[:, :2].mean(axis=0), pose[:2], atol=5 * 0.2 / 2000**0.5)
         assert result.errors is not None and result.errors.position.max() < 0.3
+
+
+def test_the_table_is_the_one_that_the_options_name(
+    replay: Callable[..., ReplayResult],
+    small_dense_table: DenseTable,
+    tmp_path: Path,
+    lost: ReplayResult,
+) -> None:
+    small_dense_table.save(tmp_path / "table.npz")
+    named = {"table": str(tmp_path / "table.npz")}
+    result = replay(options=named, table=None, max_images=4)
+    given = replay(table=small_dense_table, max_images=4)
+    assert result.estimates.tobytes() == given.estimates.tobytes()
+    assert result.errors is not None and result.errors.position[-1] < 0.3
+    # the fixture's is the default one of 32 bins
+    same = replay(options={"bins": 32}, table=None, max_images=4)
+    assert same.estimates.tobytes() == lost.estimates[:4].tobytes()
+    assert same.estimates.tobytes() != result.estimates.tobytes()
+
+
+def test_figures_of_either_table(
+    lost: ReplayResult,
+    small_table: LikelihoodTable,
+    small_dense_table: DenseTable,
+    tmp_path: Path,
+) -> None:
+    for table in (small_table, small_dense_table):
+        paths = draw_figures(tmp_path / type(table).__name__, lost, table)
+        assert [path.stem for path in paths] == ["trajectory", "errors", "posterior"]
+        assert all(path.is_file() for path in paths)
 
 
 def test_odometry_alone_starts_at_the_truth(lost: ReplayResult) -> None:

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from pflut._files import write_json
+from pflut.likelihood.dense import DenseTable
+from pflut.likelihood.table import LikelihoodTable
 from pflut.replay import ReplayOptions, SeedRun, replay_seed, replay_seeds
 from pflut.replay.seeds import summarize_seeds
 
@@ -60,6 +62,32 @@ def test_drives_of_other_options_are_not_mixed(tmp_path: Path) -> None:
         list(replay_seeds([0], tmp_path / "runs", other, max_images=2))
     with pytest.raises(ValueError, match="another max_images"):
         list(replay_seeds([0], tmp_path / "runs", OPTIONS, max_images=3))
+
+
+def test_drives_of_other_tables_are_not_mixed(
+    tmp_path: Path, small_table: LikelihoodTable, small_dense_table: DenseTable
+) -> None:
+    name = tmp_path / "table.npz"
+    small_table.save(name)
+    options = dataclasses.replace(OPTIONS, table=str(name), bins=None)
+    (run,) = replay_seeds([0], tmp_path / "runs", options, max_images=2)
+    assert run == replay_seed(0, OPTIONS, max_images=2)  # the default table of 32 bins by a file
+    assert list(replay_seeds([0], tmp_path / "runs", options, max_images=2)) == [run]
+    default = dataclasses.replace(OPTIONS, bins=None)
+    with pytest.raises(ValueError, match="drives with another table, expected a new folder"):
+        list(replay_seeds([0], tmp_path / "runs", default, max_images=2))
+    small_dense_table.save(name)
+    with pytest.raises(ValueError, match="drives with another table, expected a new folder"):
+        list(replay_seeds([0], tmp_path / "runs", options, max_images=2))
+
+
+def test_processes_have_the_same_table(tmp_path: Path, small_dense_table: DenseTable) -> None:
+    small_dense_table.save(tmp_path / "table.npz")
+    options = dataclasses.replace(OPTIONS, table=str(tmp_path / "table.npz"))
+    together = list(replay_seeds([0, 1], tmp_path / "runs", options, max_images=2, jobs=2))
+    for run in together:
+        assert run == replay_seed(run.seed, options, max_images=2)
+        assert run != replay_seed(run.seed, OPTIONS, max_images=2)
 
 
 def test_a_damaged_result_is_refused_by_name(tmp_path: Path) -> None:

@@ -50,7 +50,7 @@ def add_dataset(parser: argparse.ArgumentParser, *, default: str | None = None) 
     )
 
 
-def add_references(parser: argparse.ArgumentParser) -> None:
+def add_references(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
     """Add --references."""
     parser.add_argument(
         "--references",
@@ -173,7 +173,7 @@ def _add_option(group: Any, item: Field[Any]) -> None:
         group.add_argument(_flag(item), action=argparse.BooleanOptionalAction, **common)
         return
     kind = start if item.name == "start" else about.get("type", type(default))
-    metavar = {start: "START", int: "N", float: "X"}.get(kind)
+    metavar = about.get("metavar", {start: "START", int: "N", float: "X"}.get(kind))
     group.add_argument(
         _flag(item), type=kind, choices=about.get("choices"), metavar=metavar, **common
     )

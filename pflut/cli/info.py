@@ -40,11 +40,11 @@ def run(arguments: argparse.Namespace) -> None:
         if folder.is_dir():
             entries = sum(1 for _ in folder.iterdir())
             _print(f"  {name}", f"{entries} {text}, {_megabytes(folder):.0f} MB")
-    tables = sorted(cache.glob("table-*.npz"))
+    tables = sorted(cache.glob("dense-*.npz"))
     for path in tables:
         _print("  table", f"{path.name}, {path.stat().st_size / 1e6:.0f} MB")
     if not tables:
-        _print("  table", "none yet; learned at the first use, in some seconds")
+        _print("  table", "none learned; the default one comes with pflut")
     compiled = not numba.config.DISABLE_JIT
     _print("numba", "compiles" if compiled else "switched off by NUMBA_DISABLE_JIT: very slow")
     _print(

@@ -7,9 +7,6 @@ from pathlib import Path
 from pflut.cli.progress import Bars
 from pflut.datasets.base import Dataset
 from pflut.datasets.registry import SIMULATED_HOME, load_dataset
-from pflut.likelihood import files
-from pflut.likelihood.dense import DenseTable
-from pflut.likelihood.table import LikelihoodTable
 
 
 def load(name: str, references: str | None, *, progress: Bars) -> Dataset:
@@ -32,28 +29,3 @@ def load(name: str, references: str | None, *, progress: Bars) -> Dataset:
         home = load_simulated_home(progress=progress.stage("rendering"))
         return home if references is None else home.with_references(references)
     return load_dataset(name, references=references)
-
-
-def load_table(
-    name: str | None, bins: int, *, progress: Bars
-) -> LikelihoodTable | DenseTable:
-    """Load a table: the default one, one from a file, or the paper's.
-
-    Parameters
-    ----------
-    name : str, optional
-        A table's file; "dense" is the paper's table, learned once; without a name it is the one
-        that comes with pflut.
-    bins : int
-        Of the grids; a file has its own.
-    progress : Bars
-
-    Returns
-    -------
-    LikelihoodTable or DenseTable
-    """
-    if name is None or name == "default":
-        return LikelihoodTable.default(bins=bins)
-    if name == "dense":
-        return DenseTable.default(bins=bins, progress=progress.stage("table"))
-    return files.load_table(name)

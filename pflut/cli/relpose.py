@@ -50,7 +50,11 @@ def add_parser(verbs: Subparsers) -> None:
         "--dataset", metavar="DATASET", help="take the camera, and the true pose, from a dataset"
     )
     parser.add_argument(
-        "--table", metavar="FILE", type=Path, help="likelihood table (default: the simulator's)"
+        "--table",
+        metavar="default|dense|FILE",
+        default="default",
+        help="likelihood table: default comes with pflut, dense is the paper's, or a file of "
+        "pflut lut build (default: %(default)s)",
     )
     parser.add_argument(
         "--detector",
@@ -74,9 +78,9 @@ def add_parser(verbs: Subparsers) -> None:
     parser.add_argument(
         "--noise",
         type=float,
-        default=0.01,
         metavar="RADIANS",
-        help="of the bearings, standard deviation (default: %(default)s)",
+        help="of the bearings, standard deviation (default: as the table has learned it; "
+        "0.01 with the paper's)",
     )
     parser.add_argument(
         "--figure",
@@ -93,15 +97,15 @@ def run(arguments: argparse.Namespace) -> None:
     import numpy as np
 
     from pflut.camera import load_camera
-    from pflut.cli.loading import load, load_table
+    from pflut.cli.loading import load
     from pflut.cli.progress import Bars
     from pflut.correspondences import Correspondences
     from pflut.features import FeatureExtractor, match_indices, read_image
     from pflut.geometry import relative_headings, rotation_from_headings, wrap_to_pi
+    from pflut.likelihood.table import LikelihoodTable
     from pflut.pairs import agreeing
-    from pflut.posterior import pose_posterior
-    from pflut.relpose.estimate import estimate_relative_pose
-    from pflut.replay.pipeline import camera_bins
+    from pflut.relpose.estimate import DEFAULT_NOISE, estimate_relative_pose
+    from pflut.replay.tables import choose_table
 
     if arguments.figure is not None:
         from pflut.plot.style import check_figure_path
@@ -120,7 +124,7 @@ def run(arguments: argparse.Namespace) -> None:
             paths = [dataset.image_paths[i] for i in indices]
             if dataset.ground_truth is not None:
                 truth = relative_headings(*dataset.ground_truth[indices])
-        table = load_table(arguments.table, camera_bins(camera), progress=bars)
+        table = choose_table(arguments.table, camera=camera, progress=bars.stage("table"))
     extractor = FeatureExtractor(
         camera, detector=arguments.detector, mask_elevation=mask_elevation, mask=mask
     )
@@ -139,8 +143,10 @@ def run(arguments: argparse.Namespace) -> None:
         features[1].elevation[right],
         score,
     )
-    posterior = pose_posterior(matches, table)
-    pose = estimate_relative_pose(matches, table, noise=arguments.noise, posterior=posterior)
+    noise = arguments.noise
+    if noise is None:
+        noise = table.noise if isinstance(table, LikelihoodTable) else DEFAULT_NOISE
+    pose = estimate_relative_pose(matches, table, noise=noise)
 
     std_l, std_r = np.degrees(np.sqrt(np.diag(pose.covariance)))
     rows = [
@@ -169,9 +175,10 @@ def run(arguments: argparse.Namespace) -> None:
 
     if arguments.figure is not None:
         from pflut.plot import plot_correspondences, plot_posterior, save_figure
+        from pflut.posterior import pose_posterior
 
         title = f"{paths[0].name} and {paths[1].name}: {len(matches)} matches"
-        inliers = agreeing(matches, pose, noise=arguments.noise)
+        inliers = agreeing(matches, pose, noise=noise)
         save_figure(
             plot_correspondences(
                 images[0],
@@ -187,7 +194,7 @@ def run(arguments: argparse.Namespace) -> None:
         known = truth is not None and bool(np.isfinite(truth).all())
         save_figure(
             plot_posterior(
-                posterior.log_prob,
+                pose_posterior(matches, table).log_prob,
                 mode=(pose.heading_l, pose.heading_r),
                 truth=truth[:2] if truth is not None and known else None,
                 title=title,

@@ -67,12 +67,6 @@ def add_parser(verbs: Subparsers) -> None:
         "--max-images", metavar="N", type=positive, help="stop after N images (default: all)"
     )
     parser.add_argument(
-        "--table",
-        metavar="FILE",
-        type=Path,
-        help="likelihood table of pflut lut build (default: the simulator's, of --bins)",
-    )
-    parser.add_argument(
         "--output",
         metavar="DIR",
         type=Path,
@@ -97,8 +91,6 @@ def run(arguments: argparse.Namespace) -> None:
     """Replay, write the results and print a table."""
     options = replay_options(arguments)
     parser: argparse.ArgumentParser = arguments.parser
-    if arguments.table is not None and options.bins is not None:
-        parser.error("argument --bins: not allowed with argument --table")
     if arguments.output is not None and _same_folder(arguments.output, arguments.dataset):
         parser.error("argument --output: expected another folder than the dataset's")
 
@@ -106,11 +98,11 @@ def run(arguments: argparse.Namespace) -> None:
     from pflut.cli.loading import load
     from pflut.cli.progress import Bars
     from pflut.cli.report import replay_report
-    from pflut.likelihood.table import LikelihoodTable
     from pflut.replay.figures import SHOWN_STEPS, animate, draw_figures
-    from pflut.replay.pipeline import camera_bins, make_table, replay_dataset
+    from pflut.replay.pipeline import replay_dataset
     from pflut.replay.prepare import prepare_dataset
     from pflut.replay.result import ReplayResult, ReplayStep
+    from pflut.replay.tables import choose_table, table_record
     from pflut.results import (
         StepsWriter,
         create_results_folder,
@@ -125,9 +117,14 @@ def run(arguments: argparse.Namespace) -> None:
         "simulated_odometry": arguments.simulate_odometry or None,
         "max_images": arguments.max_images,
     }
-    table = None if arguments.table is None else LikelihoodTable.load(arguments.table)
     with Bars() as bars:
         dataset = load(arguments.dataset, arguments.references, progress=bars)
+        table = choose_table(
+            options.table,
+            bins=options.bins,
+            camera=dataset.camera,
+            progress=bars.stage("table"),
+        )
         plan = prepare_dataset(dataset, options, **how)
         for note in plan.notes:
             print(f"note: {note}")
@@ -145,14 +142,8 @@ def run(arguments: argparse.Namespace) -> None:
             arguments=as_json(arguments),
             options=options.as_dict(),
             seed=options.seed,
+            table=table_record(options.table, table),
         )
-        if table is None:
-            table = make_table(options.bins or camera_bins(dataset.camera), progress=bars)
-        record["table"] = {
-            "file": "default" if arguments.table is None else str(arguments.table),
-            "bins": table.bins,
-            "learned_from": table.learned_from,
-        }
         write_json(folder / "run.json", {**record, "finished": False})
         done: list[ReplayStep] = []
         with StepsWriter(folder / "steps.csv") as writer:

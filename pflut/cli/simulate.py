@@ -111,21 +111,25 @@ def run(arguments: argparse.Namespace) -> None:
     options = replay_options(arguments)
 
     from pflut._files import write_json
-    from pflut.cli.loading import load_table
     from pflut.cli.progress import Bars
     from pflut.likelihood.sampling import available_cores
-    from pflut.replay.pipeline import COMMON_BINS
     from pflut.replay.seeds import drive_file, replay_seeds, summarize_seeds
+    from pflut.replay.tables import choose_table, table_record
     from pflut.results import create_results_folder, run_record
 
+    with Bars() as bars:
+        # before the folder is there, and with a bar where it is learned
+        table = choose_table(options.table, bins=options.bins, progress=bars.stage("table"))
     begun = arguments.output is not None and (arguments.output / "settings.json").is_file()
     folder = create_results_folder(arguments.output, "simulate", overwrite=begun)
-    record = run_record(command_line(), arguments=as_json(arguments), options=options.as_dict())
+    record = run_record(
+        command_line(),
+        arguments=as_json(arguments),
+        options=options.as_dict(),
+        table=table_record(options.table, table),
+    )
     runs = []
     with Bars() as bars:
-        load_table(
-            None, options.bins or COMMON_BINS, progress=bars
-        )  # once, before the processes start
         try:
             bars("drives", 0, len(arguments.seeds))
             # closed, so that no process goes on while the drives are counted

@@ -38,7 +38,7 @@ def localize_each(
     dataset : Dataset
     reference_map : ReferenceMap
         Of all references; an image that is one of them is compared with the others.
-    likelihood : LikelihoodTable
+    likelihood : LikelihoodTable or DenseTable
     extractor : FeatureExtractor
     options : ReplayOptions
     cache : FeatureCache, optional

@@ -33,7 +33,7 @@ def draw_figures(folder: Path, result: ReplayResult, likelihood: Likelihood) -> 
     folder : Path
         Created if missing.
     result : ReplayResult
-    likelihood : LikelihoodTable
+    likelihood : LikelihoodTable or DenseTable
         For the posterior of one pair.
 
     Returns
@@ -114,7 +114,7 @@ def posterior_figure(result: ReplayResult, likelihood: Likelihood) -> Figure:
     assert result.pair is not None
     pair, dataset = result.pair, result.dataset
     posterior = pose_posterior(pair.correspondences, likelihood)
-    estimate = estimate_relative_pose(pair.correspondences, likelihood, posterior=posterior)
+    estimate = estimate_relative_pose(pair.correspondences, likelihood)
     truth = None
     poses = dataset.ground_truth
     if poses is not None and np.isfinite(poses[[pair.reference, pair.query]]).all():

@@ -130,9 +130,17 @@ class ReplayOptions:
     min_matches: int = _option(
         4, "references with fewer matches say nothing", "sensor model", "[1, inf)"
     )
+    table: str = _option(
+        "default",
+        "likelihood table: default comes with pflut, dense is the paper's, or a file of pflut lut "
+        "build",
+        "sensor model",
+        metavar="default|dense|FILE",
+    )
     bins: int | None = _option(
         None,
-        "of the likelihood table (default: 128, or 256 for cameras below 0.002 rad a pixel)",
+        "cells an axis of the table's grids (default: a file's own; else 128, or 256 for cameras "
+        "below 0.002 rad a pixel)",
         "sensor model",
         "[4, 512]",
         type=int,

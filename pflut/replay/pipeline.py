@@ -8,11 +8,9 @@ from functools import partial
 
 import numpy as np
 
-from pflut.camera.base import Camera
 from pflut.datasets.base import Dataset
 from pflut.features import FeatureCache, FeatureExtractor
-from pflut.geometry import FloatArray, bearing_vectors
-from pflut.likelihood.table import LikelihoodTable
+from pflut.geometry import FloatArray
 from pflut.localization.localizer import Localizer, Step
 from pflut.localization.motion import DifferentialDrive, Omnidirectional
 from pflut.localization.particle_filter import ParticleFilter
@@ -24,16 +22,13 @@ from pflut.replay.options import ReplayOptions
 from pflut.replay.prepare import prepare_dataset
 from pflut.replay.result import MatchedPair, ReplayResult, ReplayStep
 from pflut.replay.sensor import ReplaySensor
+from pflut.replay.tables import choose_table
 
 #: Called as ``progress(stage, done, total)`` with the stages "table", "references", "images".
 Progress = Callable[[str, int, int], None]
 
 #: The number under which the particles before the first step are kept.
 START = -1
-
-COMMON_BINS = 128
-SHARP_BINS = 256
-SHARP_PIXEL = 0.002
 
 
 def replay_dataset(
@@ -56,7 +51,7 @@ def replay_dataset(
     dataset : Dataset
     options : ReplayOptions, optional
     table : LikelihoodTable or DenseTable, optional
-        By default the default table of as many bins as the options or the camera ask for.
+        By default the one that the options name.
     leave_one_out, simulated_odometry : bool, optional
         See `prepare_dataset`.
     max_images : int, optional
@@ -90,8 +85,11 @@ def replay_dataset(
         max_images=max_images,
     )
     dataset = plan.dataset
-    likelihood = table or LikelihoodTable.default(
-        bins=options.bins or camera_bins(dataset.camera)
+    likelihood = table or choose_table(
+        options.table,
+        bins=options.bins,
+        camera=dataset.camera,
+        progress=None if progress is None else partial(progress, "table"),
     )
     extractor = make_extractor(dataset, options)
     reference_map = ReferenceMap.from_dataset(
@@ -154,21 +152,6 @@ def _drive(
         if number in keep_particles:
             snapshots[number] = (localizer.pf.poses, localizer.pf.log_weights)
         yield replace(step, timings=timings), sensor.matches
-
-
-def camera_bins(camera: Camera) -> int:
-    """Give the bins of a table that suit a camera: more where its bearings are sharp.
-
-    Sharp is a camera with less than 0.002 rad a pixel, in the median over its image: perspective
-    cameras mostly, panoramas from some 3,000 columns on.
-    """
-    u, v = np.meshgrid(np.linspace(0, camera.width - 2, 24), np.linspace(0, camera.height - 1, 24))
-    pixels = np.stack([u.ravel(), v.ravel()], axis=1)
-    here = bearing_vectors(*camera.bearings(pixels))
-    beside = bearing_vectors(*camera.bearings(pixels + np.array([1.0, 0.0])))
-    angles = np.linalg.norm(here - beside, axis=1)
-    seen = angles[np.isfinite(angles)]
-    return SHARP_BINS if seen.size and np.median(seen) < SHARP_PIXEL else COMMON_BINS
 
 
 def make_extractor(dataset: Dataset, options: ReplayOptions) -> FeatureExtractor:

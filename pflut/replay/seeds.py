@@ -157,7 +157,8 @@ def replay_seeds(
     ----------
     seeds : iterable of int
     folder : path
-        Gets ``seed_<n>.json`` for each drive as soon as it is done, and ``settings.json``.
+        Gets ``seed_<n>.json`` for each drive as soon as it is done, and ``settings.json``: the
+        options, the settings and how the likelihood table was learned.
     options : ReplayOptions, optional
     jobs : int
         Processes; 1 works in this one. With more, a script that calls this needs the usual
@@ -173,12 +174,17 @@ def replay_seeds(
     Raises
     ------
     ValueError
-        If the folder holds drives with other options.
+        If the folder holds drives with other options or another likelihood table.
     """
+    from pflut.replay.tables import choose_table, table_record
+
     chosen = ReplayOptions() if options is None else options
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
-    _same_settings(target / "settings.json", {"options": chosen.as_dict(), **settings})
+    # loaded here once: the paper's table is then in the cache before processes ask for it
+    table = table_record(chosen.table, choose_table(chosen.table, bins=chosen.bins))
+    about = {"options": chosen.as_dict(), "table": table}
+    _same_settings(target / "settings.json", about | settings)
     wanted = list(dict.fromkeys(seeds))
     missing = []
     for seed in wanted:

@@ -23,7 +23,7 @@ class ReplaySensor(ReferenceImageModel):
     Parameters
     ----------
     reference_map : ReferenceMap
-    likelihood : LikelihoodTable
+    likelihood : LikelihoodTable or DenseTable
     extractor : FeatureExtractor
     options : ReplayOptions
     cache : FeatureCache, optional
