@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 import shutil
 import signal
@@ -23,6 +24,8 @@ from pflut.cli.progress import Bars
 from pflut.datasets import load_folder
 from pflut.features import FeatureExtractor, match_indices
 from pflut.likelihood import storage
+from pflut.likelihood.dense import DenseTable
+from pflut.likelihood.files import load_table
 from pflut.likelihood.table import LikelihoodTable
 from pflut.replay import seeds
 from pflut.trajectory import read_tum
@@ -167,20 +170,56 @@ def test_replay_without_ground_truth_of_the_queries(run: Run, copied: Path) -> N
 
 
 def test_replay_with_a_table_of_its_own(
-    run: Run, room_folder: Path, small_table: LikelihoodTable
+    run: Run, room_folder: Path, small_table: LikelihoodTable, small_dense_table: DenseTable
 ) -> None:
-    small_table.save("table.npz")
-    wanted = ("replay", room_folder, "--no-figures", "--max-images", 1, "--output", "out")
-    outcome = run(*wanted, "--table", "table.npz", "--bins", 64)
-    assert outcome.code == 2 and not Path("out").exists()
-    assert "argument --bins: not allowed with argument --table" in outcome.err
-    assert run(*wanted, "--table", "table.npz").code == 0
-    record = json.loads(Path("out/run.json").read_text())
-    assert record["table"]["file"] == "table.npz" and record["table"]["bins"] == 32
-    assert record["table"]["learned_from"] == small_table.learned_from
-    assert run(*wanted, "--overwrite", "--bins", 32).code == 0
-    record = json.loads(Path("out/run.json").read_text())
-    assert record["table"]["file"] == "default" and record["table"]["bins"] == 32
+    small_table.save("residual.npz")
+    small_dense_table.save("dense.npz")
+    wanted = ("replay", room_folder, "--max-images", 1, "--output", "out", "--overwrite")
+
+    def table(*more: object) -> dict[str, object]:
+        assert run(*wanted, *more).code == 0
+        found: dict[str, object] = json.loads(Path("out/run.json").read_text())["table"]
+        return found
+
+    learned = json.loads(json.dumps(small_table.learned_from))
+    expected = {"file": "residual.npz", "bins": 32, "learned_from": learned}
+    assert table("--table", "residual.npz") == expected
+    assert table("--table", "residual.npz", "--bins", 16) == expected | {"bins": 16}
+    assert table("--bins", 32) == expected | {"file": "default"}
+    learned = json.loads(json.dumps(small_dense_table.learned_from))
+    expected = {"file": "dense.npz", "bins": 32, "learned_from": learned}
+    assert table("--table", "dense.npz") == expected
+    assert table("--table", "dense.npz", "--bins", 32) == expected
+    assert Path("out/figures/posterior.png").is_file()
+
+
+def test_bins_of_a_dense_table_are_its_own(
+    run: Run, room_folder: Path, small_dense_table: DenseTable
+) -> None:
+    small_dense_table.save("dense.npz")
+    wanted = ("--table", "dense.npz", "--bins", 64, "--output", "out")
+    for verb in (("replay", room_folder), ("simulate",)):
+        refused(run(*verb, *wanted), "dense.npz: a dense table of 32 bins, it cannot have 64")
+    assert not Path("out").exists()
+
+
+def test_replay_with_the_papers_table(
+    run: Run, room_folder: Path, small_dense_table: DenseTable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is learned once, whatever files there are."""
+    Path("dense").touch()
+    asked = []
+
+    def learned(*, bins: int, progress: object) -> DenseTable:
+        asked.append(bins)
+        return small_dense_table
+
+    monkeypatch.setattr(DenseTable, "default", learned)
+    wanted = ("--table", "dense", "--max-images", 1, "--no-figures", "--output", "out")
+    assert run("replay", room_folder, *wanted).code == 0
+    assert run("relpose", 0, 1, "--dataset", room_folder, "--table", "dense").code == 0
+    assert asked == [128, 128]
+    assert json.loads(Path("out/run.json").read_text())["table"]["file"] == "dense"
 
 
 def test_replay_leaves_results_alone_unless_told(run: Run, room_folder: Path) -> None:
@@ -262,6 +301,21 @@ def test_simulate_sums_up_and_goes_on(run: Run) -> None:
     refused(run("simulate", "--seeds", 2, *wanted, "--temperature", "0.9"), "another temperature")
 
 
+def test_simulate_goes_on_with_the_same_table_only(
+    run: Run, small_table: LikelihoodTable, small_dense_table: DenseTable
+) -> None:
+    wanted = ("simulate", "--seeds", 1, "--max-images", 1, "--no-figures", "--output", "out")
+    small_dense_table.save("table.npz")
+    assert run(*wanted, "--table", "table.npz").code == 0
+    record = json.loads(Path("out/run.json").read_text())
+    assert record["table"]["learned_from"] == small_dense_table.learned_from
+    assert run(*wanted, "--table", "table.npz").code == 0
+    refused(run(*wanted), "out: holds drives with another table, expected a new folder")
+    small_table.save("table.npz")  # another one by the same name
+    refused(run(*wanted, "--table", "table.npz"), "another table")
+    refused(run(*wanted, "--table", "nothere.npz"), "nothere.npz: No such file")
+
+
 def test_interrupted_simulate_counts_the_drives_that_are_kept(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -317,6 +371,26 @@ def test_relpose_by_camera_file(run: Run, room_folder: Path) -> None:
     assert outcome.code == 0 and "success     yes" in outcome.out and "truth" not in outcome.out
 
 
+def test_relpose_with_the_papers_table(
+    run: Run, room_folder: Path, small_dense_table: DenseTable
+) -> None:
+    small_dense_table.save("dense.npz")
+    pair = ("relpose", "12", "13", "--dataset", room_folder)
+    outcome = run(*pair, "--table", "dense.npz", "--figure", "pair.png")
+    assert outcome.code == 0 and "success     yes" in outcome.out
+    assert Path("pair.png").is_file() and Path("pair-posterior.png").is_file()
+    assert outcome.out != run(*pair).out
+
+
+def test_relpose_takes_the_noise_that_the_table_has_learned(
+    run: Run, room_folder: Path, default_table: LikelihoodTable
+) -> None:
+    pair = ("relpose", "12", "13", "--dataset", room_folder)
+    as_learned = run(*pair)
+    assert run(*pair, "--noise", default_table.noise).out == as_learned.out
+    assert run(*pair, "--noise", "0.001").out != as_learned.out
+
+
 def test_relpose_of_a_black_image_is_no_error_but_no_success(run: Run, copied: Path) -> None:
     """Zero matches."""
     cv2.imwrite("black.png", np.zeros((128, 512), np.uint8))
@@ -360,22 +434,84 @@ def test_relpose_of_an_image_that_the_dataset_lacks(run: Run, room_folder: Path,
 def test_lut_build_and_info(run: Run) -> None:
     wanted = ("--bins", 16, "--samples", 200_000, "--seed", 3, "--noise", "0.02")
     outcome = run("lut", "build", "a.npz", *wanted, "--threads", 1)
-    assert outcome.code == 0 and "16 bins from 200,000 correspondences" in outcome.out
-    assert run("lut", "build", "b.npz", *wanted, "--threads", 2).code == 0
-    tables = [LikelihoodTable.load(name).log_ratio for name in ("a.npz", "b.npz")]
-    np.testing.assert_array_equal(*tables)
-    outcome = run("lut", "info", "a.npz")
-    assert outcome.code == 0 and "16 of r, 16 of theta" in outcome.out
-    for name, value in (("noise", "0.02"), ("seed", "3"), ("source", "simulation")):
-        assert [name, value] in [line.split() for line in outcome.out.splitlines()]
-
-
-def test_lut_from_a_dataset(run: Run, room_folder: Path) -> None:
-    outcome = run("lut", "build", "room.npz", "--from-dataset", room_folder, "--bins", 16,
-                  "--max-distance", "0.5")  # fmt: skip
     assert outcome.code == 0
-    outcome = run("lut", "info", "room.npz")
-    assert "room, pairs within 0.5 m" in outcome.out
+    assert "a.npz: residual table from 200,000 correspondences" in outcome.out
+    assert run("lut", "build", "b.npz", *wanted, "--threads", 2).code == 0
+    tables = [LikelihoodTable.load(name) for name in ("a.npz", "b.npz")]
+    np.testing.assert_array_equal(*(table.density for table in tables))
+    np.testing.assert_array_equal(*(table.profile for table in tables))
+    assert tables[0].bins == 16
+    rows = described(run("lut", "info", "a.npz"))
+    assert rows["kind"] == ["residual"] and rows["classes"] == ["4 of depth"]
+    assert rows["noise"] == [f"{tables[0].noise:.4f} rad, of the residuals of true matches", "0.02"]
+    assert rows["mismatch"] == ["90.0 % of the correspondences, beforehand", "0.9"]
+    assert rows["quality"] == ["not looked at"] and rows["bins"][0].startswith("16 of heading_l")
+    assert rows["seed"] == ["3"] and rows["source"] == ["simulation"]
+
+
+def test_lut_build_and_info_of_the_papers_table(run: Run) -> None:
+    wanted = ("--dense", "--bins", 16, "--samples", 200_000, "--seed", 3, "--noise", "0.02",
+              "--mismatches", "simulated")  # fmt: skip
+    outcome = run("lut", "build", "a.npz", *wanted, "--threads", 1)
+    assert outcome.code == 0 and "a.npz: dense table from 200,000 corr" in outcome.out
+    assert run("lut", "build", "b.npz", *wanted, "--threads", 2).code == 0
+    tables = [DenseTable.load(name).log_ratio for name in ("a.npz", "b.npz")]
+    np.testing.assert_array_equal(*tables)
+    rows = described(run("lut", "info", "a.npz"))
+    assert rows["kind"] == ["dense"] and rows["mismatches"] == ["simulated"]
+    assert rows["bins"] == ["16 of r, 16 of theta - alpha_l and of phi - alpha_r"]
+    assert rows["noise"] == ["0.02"] and rows["seed"] == ["3"]
+
+
+def described(outcome: Outcome) -> dict[str, list[str]]:
+    """Give the rows of `pflut lut info`; those of one name from the outside in."""
+    assert outcome.code == 0
+    rows: dict[str, list[str]] = {}
+    for line in outcome.out.splitlines():
+        name, _, value = line.strip().partition("  ")
+        rows.setdefault(name, []).append(value.strip())
+    return rows
+
+
+def test_lut_build_takes_the_options_of_the_simulator(run: Run) -> None:
+    assert run("lut", "build", "a.npz", "--samples", 50_000, "--classes", 2, "--scene", "box",
+               "--field-of-view-deg", "80,40", "--max-turn-deg", "20", "--max-tilt-deg", "3",
+               "--mismatch", "0.5", "--noise", "0.003").code == 0  # fmt: skip
+    table = LikelihoodTable.load("a.npz")
+    assert table.num_classes == 2 and table.mismatch == 0.5
+    learned = table.learned_from["simulator"]
+    assert learned["scene"] == "box" and learned["noise"] == 0.003
+    assert learned["field_of_view"] == list(np.radians([80.0, 40.0]))
+    assert (learned["max_turn"], learned["max_tilt"]) == (np.radians(20.0), np.radians(3.0))
+
+
+def test_lut_from_a_dataset(run: Run, room_folder: Path, small_table: LikelihoodTable) -> None:
+    wanted = ("--from-dataset", room_folder, "--max-distance", "0.5")
+    assert run("lut", "build", "room.npz", *wanted).code == 0
+    table = LikelihoodTable.load("room.npz")
+    assert table.bins == 128 and table.quality is not None
+    rows = described(run("lut", "info", "room.npz"))
+    assert rows["source"] == ["simulation", "room, pairs within 0.5 m"]  # of the prior first
+    assert rows["num_samples"] == [str(table.learned_from["num_samples"]), "64000000"]
+    assert rows["quality"][0].startswith("multiplies the odds of a true match by")
+    # a table fills what another one's pairs do not say
+    dataclasses.replace(table, bins=20).save("prior.npz")
+    assert run("lut", "build", "more.npz", *wanted, "--prior", "prior.npz", "--seed", 1).code == 0
+    more = LikelihoodTable.load("more.npz")
+    assert more.bins == 20 and more.learned_from["prior"] == table.learned_from
+    assert more.learned_from["seed"] == 1
+    assert run("lut", "info", "more.npz").code == 0
+
+
+def test_the_papers_table_from_a_dataset(run: Run, room_folder: Path) -> None:
+    wanted = ("--dense", "--from-dataset", room_folder, "--max-distance", "0.5")
+    assert run("lut", "build", "room.npz", *wanted).code == 0
+    assert DenseTable.load("room.npz").bins == 32
+    assert "room, pairs within 0.5 m" in run("lut", "info", "room.npz").out
+    refused(
+        run("lut", "build", "more.npz", *wanted[1:], "--prior", "room.npz"),
+        "room.npz: a dense table, expected a residual one",
+    )
 
 
 @pytest.mark.parametrize(
@@ -384,7 +520,11 @@ def test_lut_from_a_dataset(run: Run, room_folder: Path) -> None:
         (("build", "table.txt"), ("table.txt", ".npz")),
         (("build", "nothere/table.npz"), ("its folder does not exist",)),
         (("build", "t.npz", "--mismatch", "2"), ("mismatch", "[0, 1]")),
-        (("build", "t.npz", "--bins", "1000"), ("bins: expected 4 to 512",)),
+        (("build", "t.npz", "--bins", "2000"), ("bins: expected 4 to 1024",)),
+        (("build", "t.npz", "--dense", "--bins", "1000"), ("bins: expected 4 to 512",)),
+        (("build", "t.npz", "--classes", "33"), ("num_classes: expected 1 to 32",)),
+        (("build", "t.npz", "--field-of-view-deg", "80,200"), ("field_of_view: expected two",)),
+        (("build", "t.npz", "--from-dataset", "x", "--prior", "nothere.npz"), ("nothere.npz",)),
         (("info", "nothere.npz"), ("nothere.npz: No such file",)),
     ],
 )
@@ -397,16 +537,25 @@ def test_lut_refuses(run: Run, arguments: tuple[str, ...], words: tuple[str, ...
     [
         (
             ("--from-dataset", "x", "--samples", 5, "--noise", "0.5", "--mismatches", "simulated"),
-            "arguments --samples, --noise, --mismatches: not allowed with argument --from-dataset",
+            "arguments --samples, --noise, --mismatches: without effect on a residual table from a "
+            "dataset",
         ),
         (
-            ("--from-dataset", "x", "--seed", 0),
-            "argument --seed: not allowed with argument --from-dataset",
+            ("--dense", "--from-dataset", "x", "--seed", 0),
+            "argument --seed: without effect on a dense table from a dataset",
         ),
         (
-            ("--max-distance", 2, "--references", "all"),
-            "arguments --max-distance, --references: only allowed with argument --from-dataset",
+            ("--max-distance", 2, "--references", "all", "--mismatches", "uniform"),
+            "arguments --mismatches, --max-distance, --references: without effect on a residual "
+            "table from the simulator",
         ),
+        (
+            ("--dense", "--classes", 4, "--scene", "ball", "--prior", "default"),
+            "arguments --classes, --scene, --prior: without effect on a dense table from the "
+            "simulator",
+        ),
+        (("--max-turn-deg", 30), "argument --max-turn-deg: only allowed with --field-of-view-deg"),
+        (("--field-of-view-deg", 30), "argument --field-of-view-deg: expected H,V, got '30'"),
     ],
 )
 def test_lut_build_refuses_what_it_would_ignore(
@@ -417,12 +566,32 @@ def test_lut_build_refuses_what_it_would_ignore(
     assert outcome.err.startswith("usage: pflut lut build ")
 
 
-def test_lut_build_learns_the_default_table_by_default(run: Run) -> None:
-    assert run("lut", "build", "a.npz", "--bins", 8, "--samples", 1000).code == 0
-    default = LikelihoodTable.from_simulation(bins=8, num_samples=1000)
-    loaded = LikelihoodTable.load("a.npz")
-    assert loaded.learned_from == default.learned_from
-    np.testing.assert_array_equal(loaded.log_ratio, default.log_ratio)
+def test_lut_build_learns_the_table_that_comes_with_pflut(
+    run: Run, default_table: LikelihoodTable
+) -> None:
+    """All but the number of samples, and that it has by default."""
+    assert run("lut", "build", "a.npz", "--samples", 1000).code == 0
+    learned = load_table("a.npz")
+    assert isinstance(learned, LikelihoodTable)
+    assert learned.learned_from | {"num_samples": 64_000_000} == default_table.learned_from
+    assert (learned.bins, learned.mismatch) == (default_table.bins, default_table.mismatch)
+    assert learned.density.shape == default_table.density.shape
+    same = LikelihoodTable.from_simulation(num_samples=1000)
+    np.testing.assert_array_equal(learned.density, same.density)
+
+
+def test_lut_build_learns_64_million_by_default(
+    run: Run, small_table: LikelihoodTable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def learn(**options: object) -> LikelihoodTable:
+        asked.append(options["num_samples"])
+        return small_table
+
+    monkeypatch.setattr(LikelihoodTable, "from_simulation", learn)
+    assert run("lut", "build", "a.npz").code == 0
+    assert asked == [small_table.learned_from["num_samples"]] == [64_000_000]
 
 
 def test_dataset_info(run: Run, room_folder: Path, copied: Path) -> None:
@@ -460,11 +629,17 @@ def test_dataset_unwrap(run: Run, copied: Path) -> None:
     assert not Path("x").exists()
 
 
-def test_info(run: Run, room_home_cache: Path) -> None:
+def test_info(
+    run: Run, room_home_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     outcome = run("info")
     assert outcome.code == 0
     for text in (__version__, np.__version__, str(room_home_cache), "simulated-home", "OpenCV"):
         assert text in outcome.out
+    assert "table           none learned" in outcome.out
+    monkeypatch.setenv("PFLUT_CACHE", str(tmp_path))
+    (tmp_path / "dense-16.npz").write_bytes(bytes(2_000_000))
+    assert "table           dense-16.npz, 2 MB" in run("info").out
 
 
 # --- wrong input -------------------------------------------------------------------------------
@@ -564,9 +739,10 @@ def spoilt_tables(small_table: LikelihoodTable, monkeypatch: pytest.MonkeyPatch)
     with Path("array.npz").open("wb") as file:
         np.save(file, np.zeros(3))
     np.savez("objects.npz", format=np.array([{}], dtype=object))
-    cells = small_table.log_ratio.copy()
+    cells = np.zeros((8, 8, 8), np.float32)
     cells[3, 2, 1] = np.nan
-    storage.write_table("nan.npz", cells, small_table.learned_from)
+    storage.write_table("nan.npz", "dense", {"log_ratio": cells}, {})
+    storage.write_table("kind.npz", "sparse", {}, {})
     np.savez("other.npz", poses=np.zeros(3))
     with monkeypatch.context() as later:
         later.setattr(storage, "VERSION", storage.VERSION + 1)
@@ -583,6 +759,7 @@ def spoilt_tables(small_table: LikelihoodTable, monkeypatch: pytest.MonkeyPatch)
             for name in ("truncated", "empty", "junk", "array", "objects")
         ),
         ("nan", ("not finite",)),
+        ("kind", ("a sparse table, expected a residual one",)),
         ("later", (f"version {storage.VERSION + 1}", f"expected {storage.VERSION}")),
         ("other", ("not a pflut likelihood table",)),
         ("nothere", ("No such file",)),

@@ -3,39 +3,67 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable
+from collections.abc import Mapping
+from math import radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pflut.cli.arguments import Subparsers, add_references, add_verb, natural, positive
 
 if TYPE_CHECKING:
     from pflut.cli.progress import Bars
+    from pflut.likelihood.dense import DenseTable
     from pflut.likelihood.table import LikelihoodTable
+    from pflut.simulation.correspondences import CorrespondenceSimulator
 
 _BUILD_DETAILS = """\
 The table is learned from the simulator (two cameras on a circle around a ball of landmarks), or
-with --from-dataset from the matches of a dataset's image pairs with their true poses. The same
-seed gives the same table, whatever the number of threads."""
+with --from-dataset from the matches of a dataset's image pairs with their true poses. It is the
+table of residuals that pflut uses by default, or with --dense the paper's. The same seed gives the
+same table, whatever the number of threads."""
 
 _BUILD_EXAMPLES = """\
-  pflut lut build table.npz                                   as the default table
-  pflut lut build small.npz --bins 32 --samples 5000000
+  pflut lut build table.npz                                the table that comes with pflut
   pflut lut build tilted.npz --max-tilt-deg 14 --mismatch 0.6
-  pflut lut build home.npz --from-dataset zind/ --bins 32     from real pairs
+  pflut lut build narrow.npz --scene box --field-of-view-deg 81,29 --noise 0.002
+  pflut lut build home.npz --from-dataset zind/            from real pairs
+  pflut lut build paper.npz --dense --mismatches simulated
 """
 
-# what counts in one of the two ways to learn only; their arguments are None unless given
-_OF_SIMULATION: dict[str, Any] = {
-    "samples": 64_000_000,
-    "mismatch": 0.9,
-    "noise": 0.01,
-    "max_tilt_deg": 0.0,
-    "mismatches": "uniform",
-    "seed": 0,
-    "threads": None,
+
+class _Way(NamedTuple):
+    """One of the four ways to learn a table."""
+
+    dense: bool
+    real: bool
+
+    def __str__(self) -> str:
+        return f"a {'dense' if self.dense else 'residual'} table from " + (
+            "a dataset" if self.real else "the simulator"
+        )
+
+
+_RESIDUAL, _RESIDUAL_REAL = _Way(False, False), _Way(False, True)
+_DENSE, _DENSE_REAL = _Way(True, False), _Way(True, True)
+
+# in which ways an option counts, and its value where it does; arguments are None unless given
+_OPTIONS: dict[str, Mapping[_Way, Any]] = {
+    "bins": {_RESIDUAL: 128, _RESIDUAL_REAL: None, _DENSE: 128, _DENSE_REAL: 32},
+    "seed": dict.fromkeys((_RESIDUAL, _RESIDUAL_REAL, _DENSE), 0),
+    "samples": dict.fromkeys((_RESIDUAL, _DENSE), 64_000_000),
+    "mismatch": dict.fromkeys((_RESIDUAL, _DENSE), 0.9),
+    "noise": dict.fromkeys((_RESIDUAL, _DENSE), 0.01),
+    "max_tilt_deg": dict.fromkeys((_RESIDUAL, _DENSE), 0.0),
+    "threads": dict.fromkeys((_RESIDUAL, _DENSE)),
+    "classes": {_RESIDUAL: 4},
+    "scene": {_RESIDUAL: "ball"},
+    "field_of_view_deg": {_RESIDUAL: None},
+    "max_turn_deg": {_RESIDUAL: 30.0},
+    "mismatches": {_DENSE: "uniform"},
+    "prior": {_RESIDUAL_REAL: "default"},
+    "max_distance": dict.fromkeys((_RESIDUAL_REAL, _DENSE_REAL), 3.0),
+    "references": dict.fromkeys((_RESIDUAL_REAL, _DENSE_REAL)),
 }
-_OF_PAIRS: dict[str, Any] = {"max_distance": 3.0, "references": None}
 
 
 def add_parser(verbs: Subparsers) -> None:
@@ -58,73 +86,102 @@ def add_parser(verbs: Subparsers) -> None:
         examples=_BUILD_EXAMPLES,
     )
     build.add_argument("out", metavar="OUT.npz", type=Path, help="the file to write")
+    build.add_argument("--dense", action="store_true", help="learn the paper's table")
     build.add_argument(
         "--bins",
         metavar="N",
         type=positive,
-        help="cells of each axis, 4 to 512 (default: 128; 32 of a dataset)",
+        help="cells of each axis: of the grids that the table makes unless told otherwise "
+        "(default: 128; of a dataset the prior's); with --dense of the table itself, 4 to 512 "
+        "(default: 128; 32 of a dataset)",
     )
-    build.add_argument(
+    build.add_argument("--seed", metavar="N", type=natural, help="(default: 0)")
+    simulator = build.add_argument_group("from the simulator")
+    simulator.add_argument(
         "--samples",
         metavar="N",
         type=positive,
-        help=f"simulated correspondences (default: {_OF_SIMULATION['samples']})",
+        help="simulated correspondences (default: 64000000)",
     )
-    build.add_argument(
+    simulator.add_argument(
         "--mismatch",
         metavar="SHARE",
         type=float,
-        help=f"of mismatches among them (default: {_OF_SIMULATION['mismatch']})",
+        help="of mismatches among the correspondences (default: 0.9)",
     )
-    build.add_argument(
+    simulator.add_argument(
         "--noise",
         metavar="RADIANS",
         type=float,
-        help=f"of the bearings, standard deviation (default: {_OF_SIMULATION['noise']})",
+        help="of the bearings, standard deviation; with --field-of-view-deg in the image plane "
+        "at unit focal length (default: 0.01)",
     )
-    build.add_argument(
+    simulator.add_argument(
         "--max-tilt-deg",
         metavar="X",
         type=float,
-        help="degrees of random roll and pitch of one view "
-        f"(default: {_OF_SIMULATION['max_tilt_deg']}; the paper's LUT rot: 14.3)",
+        help="degrees of random roll and pitch of one view (default: 0; the paper's LUT rot: 14.3)",
     )
-    build.add_argument(
+    simulator.add_argument("--threads", metavar="N", type=positive, help="(default: all cores)")
+    simulator.add_argument(
+        "--classes", metavar="N", type=positive, help="depth classes, 1 to 32 (default: 4)"
+    )
+    simulator.add_argument(
+        "--scene",
+        choices=("ball", "box"),
+        help="where landmarks are: the paper's ball, or the walls of rooms (default: ball)",
+    )
+    simulator.add_argument(
+        "--field-of-view-deg",
+        metavar="H,V",
+        type=_angles,
+        help="degrees that perspective cameras see (default: panoramas, which see everything)",
+    )
+    simulator.add_argument(
+        "--max-turn-deg",
+        metavar="X",
+        type=float,
+        help="degrees between the headings of their two views, at most (default: 30)",
+    )
+    simulator.add_argument(
         "--mismatches",
         choices=("uniform", "simulated"),
-        help="how mismatches enter: uniform azimuths, or simulated as in the paper "
-        f"(default: {_OF_SIMULATION['mismatches']})",
+        help="with --dense, how mismatches enter: uniform azimuths, or simulated as in the paper "
+        "(default: uniform)",
     )
-    build.add_argument(
-        "--seed", metavar="N", type=natural, help=f"(default: {_OF_SIMULATION['seed']})"
-    )
-    build.add_argument("--threads", metavar="N", type=positive, help="(default: all cores)")
-    build.add_argument(
+    real = build.add_argument_group("from real pairs")
+    real.add_argument(
         "--from-dataset",
         metavar="DATASET",
         help="learn from the image pairs of a dataset with ground truth instead",
     )
-    build.add_argument(
+    real.add_argument(
+        "--prior",
+        metavar="default|FILE",
+        help="the table that fills what the pairs do not say (default: default, that of pflut)",
+    )
+    real.add_argument(
         "--max-distance",
         metavar="METRES",
         type=float,
-        help=f"between the images of a pair (default: {_OF_PAIRS['max_distance']})",
+        help="between the images of a pair (default: 3)",
     )
-    add_references(build)
+    add_references(real)
     build.set_defaults(run=run_build, parser=build)
     info = add_verb(
         actions,
         "info",
-        "say how a likelihood table was learned",
-        usage="FILE|default",
-        examples="  pflut lut info default\n  pflut lut info table.npz\n",
+        "say what a likelihood table holds, and how it was learned",
+        usage="[default|dense|FILE]",
+        examples="  pflut lut info\n  pflut lut info dense\n  pflut lut info table.npz\n",
     )
     info.add_argument(
-        "file",
-        metavar="FILE|default",
+        "table",
+        metavar="default|dense|FILE",
         nargs="?",
         default="default",
-        help="a table's file (default: the default table)",
+        help="default comes with pflut, dense is the paper's, or a table's file "
+        "(default: %(default)s)",
     )
     info.set_defaults(run=run_info, parser=info)
 
@@ -135,13 +192,7 @@ def run_build(arguments: argparse.Namespace) -> None:
 
     from pflut.cli.progress import Bars
 
-    if arguments.from_dataset is None:
-        _refuse(arguments, _OF_PAIRS, "only allowed with argument --from-dataset")
-    else:
-        _refuse(arguments, _OF_SIMULATION, "not allowed with argument --from-dataset")
-    for name, value in (_OF_SIMULATION | _OF_PAIRS).items():
-        if getattr(arguments, name) is None:
-            setattr(arguments, name, value)
+    _complete(arguments)
     # before minutes of work, not after
     if arguments.out.suffix != ".npz":
         raise ValueError(f"{arguments.out}: expected a name that ends in .npz")
@@ -149,99 +200,173 @@ def run_build(arguments: argparse.Namespace) -> None:
         raise ValueError(f"{arguments.out}: its folder does not exist")
     start = perf_counter()
     with Bars() as bars:
-        learn = _from_simulation if arguments.from_dataset is None else _from_dataset
-        table = learn(arguments, bars)
+        if arguments.from_dataset is None:
+            table = _from_simulation(arguments, bars)
+        else:
+            table = _from_dataset(arguments, bars)
     seconds = perf_counter() - start
     table.save(arguments.out)
     samples = table.learned_from["num_samples"]
     print(
-        f"{arguments.out}: {table.bins} bins from {samples:,} correspondences in "
+        f"{arguments.out}: {_kind(table)} table from {samples:,} correspondences in "
         f"{seconds:.1f} s, {samples / seconds / 1e6:.2f} million a second"
     )
 
 
 def run_info(arguments: argparse.Namespace) -> None:
     """Describe a table."""
-    import numpy as np
-
-    from pflut.cli.loading import load_table
     from pflut.cli.progress import Bars
-    from pflut.replay.pipeline import COMMON_BINS
-
-    named = None if arguments.file == "default" else Path(arguments.file)
-    with Bars() as bars:
-        table = load_table(named, COMMON_BINS, progress=bars)
-    cells = table.log_ratio
-    print(
-        f"bins        {cells.shape[0]} of r, {cells.shape[1]} of theta - alpha_l and of "
-        "phi - alpha_r"
-    )
-    print(f"memory      {cells.nbytes / 1e6:.1f} MB as {cells.dtype}")
-    print(
-        f"log-ratio   {cells.min():.2f} to {cells.max():.2f} nat against uniform azimuths, "
-        f"{100 * float(np.mean(cells > 0)):.1f} % of the cells above"
-    )
-    for name, value in _flat(table.learned_from):
-        print(f"{name:<12}{value}")
-
-
-def _from_simulation(arguments: argparse.Namespace, bars: Bars) -> LikelihoodTable:
-    from math import radians
-
     from pflut.likelihood.table import LikelihoodTable
+    from pflut.replay.tables import choose_table
+
+    with Bars() as bars:
+        table = choose_table(arguments.table, progress=bars.stage("table"))
+    rows = _residual_rows(table) if isinstance(table, LikelihoodTable) else _dense_rows(table)
+    for name, value in [("kind", _kind(table)), *rows, ("learned from", "")]:
+        print(f"{name:<14}{value}".rstrip())
+    _print_nested(table.learned_from, "  ")
+
+
+def _complete(arguments: argparse.Namespace) -> None:
+    """Fill in the defaults; end as wrong usage where an argument would not count."""
+    parser: argparse.ArgumentParser = arguments.parser
+    way = _Way(arguments.dense, arguments.from_dataset is not None)
+    ignored = []
+    for name, values in _OPTIONS.items():
+        if getattr(arguments, name) is None:
+            setattr(arguments, name, values.get(way))
+        elif way not in values:
+            ignored.append(f"--{name.replace('_', '-')}")
+        elif name == "max_turn_deg" and arguments.field_of_view_deg is None:
+            parser.error("argument --max-turn-deg: only allowed with --field-of-view-deg")
+    if ignored:
+        plural = "s" * (len(ignored) > 1)
+        parser.error(f"argument{plural} {', '.join(ignored)}: without effect on {way}")
+
+
+def _from_simulation(arguments: argparse.Namespace, bars: Bars) -> LikelihoodTable | DenseTable:
+    from pflut.likelihood.dense import DenseTable
+    from pflut.likelihood.table import LikelihoodTable
+
+    common: dict[str, Any] = {
+        "bins": arguments.bins,
+        "num_samples": arguments.samples,
+        "simulator": _simulator(arguments),
+        "seed": arguments.seed,
+        "num_threads": arguments.threads,
+        "progress": bars.stage("table"),
+    }
+    if arguments.dense:
+        return DenseTable.from_simulation(mismatches=arguments.mismatches, **common)
+    return LikelihoodTable.from_simulation(num_classes=arguments.classes, **common)
+
+
+def _simulator(arguments: argparse.Namespace) -> CorrespondenceSimulator:
+    """Make the simulator that the arguments ask for."""
     from pflut.simulation.correspondences import CorrespondenceSimulator
 
-    return LikelihoodTable.from_simulation(
-        bins=arguments.bins or 128,
-        num_samples=arguments.samples,
-        simulator=CorrespondenceSimulator(
-            noise=arguments.noise,
-            mismatch=arguments.mismatch,
-            max_tilt=radians(arguments.max_tilt_deg),
-        ),
-        mismatches=arguments.mismatches,
-        seed=arguments.seed,
-        num_threads=arguments.threads,
-        progress=bars.stage("table"),
+    more: dict[str, Any] = {}
+    if arguments.scene is not None:
+        more["scene"] = arguments.scene
+    if arguments.field_of_view_deg is not None:
+        more["field_of_view"] = tuple(map(radians, arguments.field_of_view_deg))
+        more["max_turn"] = radians(arguments.max_turn_deg)
+    return CorrespondenceSimulator(
+        noise=arguments.noise,
+        mismatch=arguments.mismatch,
+        max_tilt=radians(arguments.max_tilt_deg),
+        **more,
     )
 
 
-def _from_dataset(arguments: argparse.Namespace, bars: Bars) -> LikelihoodTable:
+def _from_dataset(arguments: argparse.Namespace, bars: Bars) -> LikelihoodTable | DenseTable:
     from pflut.cli.loading import load
     from pflut.features import FeatureCache
+    from pflut.likelihood.dense import DenseTable
     from pflut.likelihood.table import LikelihoodTable
     from pflut.pairs import dataset_pairs
     from pflut.replay.options import ReplayOptions
     from pflut.replay.pipeline import make_extractor
 
+    prior = None if arguments.dense else _prior(arguments.prior)
     dataset = load(arguments.from_dataset, arguments.references, progress=bars)
-    pairs = dataset_pairs(
+    found = dataset_pairs(
         dataset,
         make_extractor(dataset, ReplayOptions()),
         max_distance=arguments.max_distance,
         cache=FeatureCache(),
         progress=bars.stage("pairs"),
     )
+    pairs = ((pair.correspondences, pair.heading_l, pair.heading_r) for pair in found)
+    source = f"{dataset.name}, pairs within {arguments.max_distance:g} m"
+    if prior is None:
+        return DenseTable.from_pairs(pairs, bins=arguments.bins, source=source)
     return LikelihoodTable.from_pairs(
-        ((pair.correspondences, pair.heading_l, pair.heading_r) for pair in pairs),
-        bins=arguments.bins or 32,
-        source=f"{dataset.name}, pairs within {arguments.max_distance:g} m",
+        pairs, prior=prior, bins=arguments.bins, source=source, seed=arguments.seed
     )
 
 
-def _refuse(arguments: argparse.Namespace, names: Iterable[str], why: str) -> None:
-    """End as wrong usage where an argument was given that would be ignored."""
-    given = [
-        f"--{name.replace('_', '-')}" for name in names if getattr(arguments, name) is not None
+def _prior(name: str) -> LikelihoodTable:
+    """Load the table that fills what real pairs do not say."""
+    from pflut.likelihood.table import LikelihoodTable
+
+    return LikelihoodTable.default() if name == "default" else LikelihoodTable.load(name)
+
+
+def _kind(table: LikelihoodTable | DenseTable) -> str:
+    from pflut.likelihood import dense
+    from pflut.likelihood import table as residual
+
+    return residual.KIND if isinstance(table, residual.LikelihoodTable) else dense.KIND
+
+
+def _residual_rows(table: LikelihoodTable) -> list[tuple[str, str]]:
+    """Say what a residual table holds."""
+    quality = "not looked at"
+    if table.quality is not None:
+        best, worst = table.quality[0], table.quality[-1]
+        quality = f"multiplies the odds of a true match by {best:.2f} at best, {worst:.2f} at worst"
+    parts = [a for a in (table.density, table.profile, table.quality) if a is not None]
+    return [
+        ("classes", f"{table.num_classes} of depth"),
+        ("noise", f"{table.noise:.4f} rad, of the residuals of true matches"),
+        ("mismatch", f"{100 * table.mismatch:.1f} % of the correspondences, beforehand"),
+        ("quality", quality),
+        ("bins", f"{table.bins} of heading_l and of heading_r, or any other number"),
+        ("memory", f"{sum(part.nbytes for part in parts) / 1e6:.2f} MB as {table.density.dtype}"),
     ]
-    if given:
-        parser: argparse.ArgumentParser = arguments.parser
-        parser.error(f"argument{'s' * (len(given) > 1)} {', '.join(given)}: {why}")
 
 
-def _flat(learned_from: dict[str, object]) -> list[tuple[str, object]]:
-    """Give the entries of a table's provenance, the simulator's among them."""
-    rows: list[tuple[str, object]] = []
-    for name, value in learned_from.items():
-        rows += _flat(value) if isinstance(value, dict) else [(name, value)]
-    return rows
+def _dense_rows(table: DenseTable) -> list[tuple[str, str]]:
+    """Say what a dense table holds."""
+    cells = table.log_ratio
+    above = 100 * float((cells > 0).mean())
+    return [
+        ("bins", f"{len(cells)} of r, {table.bins} of theta - alpha_l and of phi - alpha_r"),
+        ("memory", f"{cells.nbytes / 1e6:.2f} MB as {cells.dtype}"),
+        (
+            "log-ratio",
+            f"{cells.min():.2f} to {cells.max():.2f} nat against uniform azimuths, "
+            f"{above:.1f} % of the cells above",
+        ),
+    ]
+
+
+def _print_nested(entries: Mapping[str, Any], indent: str) -> None:
+    """Print a table's provenance; the simulator's settings, and a prior's, are below their name."""
+    width = max(map(len, entries), default=0) + 2
+    for name, value in entries.items():
+        if isinstance(value, dict):
+            print(f"{indent}{name}")
+            _print_nested(value, indent + "  ")
+        else:
+            print(f"{indent}{name:<{width}}{value}")
+
+
+def _angles(text: str) -> tuple[float, float]:
+    """Parse --field-of-view-deg: two numbers."""
+    try:
+        horizontal, vertical = map(float, text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected H,V, got {text!r}") from None
+    return horizontal, vertical
