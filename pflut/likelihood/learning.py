@@ -409,7 +409,7 @@ def quality_ratio(counts: Counts) -> np.ndarray | None:
     if not inside.sum() or not far.sum():
         return None
     # mismatches that are within the band by chance
-    by_chance = counts.chance_inside.sum() / counts.chance_profile.sum()
+    by_chance = counts.chance_inside.sum() / max(counts.chance_profile.sum(), 1.0)
     mismatches = far.sum() / max(counts.chance_profile[:, _far_cells()].sum(), 1.0)
     mismatches *= counts.chance_profile.sum()
     true = np.maximum(inside - mismatches * by_chance * far / far.sum(), 0.0)
@@ -466,7 +466,8 @@ def fit(
         How many times as often a true match of the cell has the residual, at
         `axes.residual_nodes`; so scaled that its mean within the band is that of chance.
     """
-    num_chance = counts.chance_profile.sum()
+    # pairs of one correspondence each have no mismatches to be made of them
+    num_chance = max(counts.chance_profile.sum(), 1.0)
     chance = (counts.chance_inside + PSEUDO_COUNT) / num_chance
     true = counts.inside - mismatch * counts.seen[:, None, None] * counts.chance_inside / num_chance
     true = np.moveaxis(np.maximum(true, 0.0), 0, -1)

@@ -52,7 +52,7 @@ def write_table(
             "learned_from": np.array(described),
             "checksum": np.array(_checksum(kind, arrays, described)),
         }
-        np.savez_compressed(file, **entries, **arrays)
+        np.savez_compressed(file, **(entries | dict(arrays)))
 
 
 def read_table(

@@ -15,8 +15,8 @@ from pflut.likelihood.table import LikelihoodTable, bearing_rows
 from pflut.relpose.kernels import judge, refine_many
 from pflut.relpose.result import UNIFORM_VARIANCE, RelativePose
 
-COARSE_BINS = 64
-"""Cells an axis of the grid in which candidates are looked for."""
+COARSE_BINS = {0.005: 64, 0.0: 128}
+"""Cells an axis of the grid in which candidates are looked for, by the table's least noise."""
 MOST_CANDIDATES = 16
 MARGIN = 10.0
 """Nats below a coarse grid's maximum at which a candidate is given up."""
@@ -40,7 +40,7 @@ def estimate_relative_poses(
     table: LikelihoodTable,
     *,
     noise: float | None = None,
-    bins: int = COARSE_BINS,
+    bins: int | None = None,
     candidates: int = MOST_CANDIDATES,
     num_threads: int = 1,
 ) -> list[RelativePose]:
@@ -60,8 +60,9 @@ def estimate_relative_poses(
     table : LikelihoodTable
     noise : float, optional
         Standard deviation of the bearings, radians. Default: as the table has learned it.
-    bins : int
-        Cells an axis of the coarse grid.
+    bins : int, optional
+        Cells an axis of the coarse grid. Default: 64, or 128 where the table's noise is below
+        0.005 rad.
     candidates : int
         Candidates a pair, at most. How often a better pose is missed: docs/results.md.
     num_threads : int
@@ -89,6 +90,8 @@ def estimate_relative_poses(
     for name, value in (("candidates", candidates), ("num_threads", num_threads)):
         if value < 1:
             raise ValueError(f"{name}: expected at least 1, got {value}")
+    if bins is None:
+        bins = next(bins for least, bins in COARSE_BINS.items() if table.noise >= least)
     table.ridges(bins)  # made before threads would make them twice
     tasks = [pairs[i : i + PAIRS_A_TASK] for i in range(0, len(pairs), PAIRS_A_TASK)]
 
