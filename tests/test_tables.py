@@ -50,6 +50,12 @@ def test_the_default_table_suits_the_camera_unless_told_otherwise() -> None:
     np.testing.assert_array_equal(table.density, LikelihoodTable.default().density)
 
 
+def test_a_table_for_sharp_perspective_cameras_is_there_by_its_name() -> None:
+    table, other = choose_table("perspective", camera=SHARP), choose_table(camera=SHARP)
+    assert isinstance(table, LikelihoodTable) and isinstance(other, LikelihoodTable)
+    assert table.bins == SHARP_BINS and table.noise < 0.5 * other.noise
+
+
 def test_the_papers_table_is_learned_once(
     small_dense_table: DenseTable, monkeypatch: pytest.MonkeyPatch
 ) -> None:

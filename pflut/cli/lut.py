@@ -25,7 +25,7 @@ same table, whatever the number of threads."""
 _BUILD_EXAMPLES = """\
   pflut lut build table.npz                                the table that comes with pflut
   pflut lut build tilted.npz --max-tilt-deg 14 --mismatch 0.6
-  pflut lut build narrow.npz --scene box --field-of-view-deg 81,29 --noise 0.002
+  pflut lut build narrow.npz --field-of-view-deg 90,70 --noise 0.002 --bins 256
   pflut lut build home.npz --from-dataset zind/            from real pairs
   pflut lut build paper.npz --dense --mismatches simulated
 """
@@ -157,8 +157,9 @@ def add_parser(verbs: Subparsers) -> None:
     )
     real.add_argument(
         "--prior",
-        metavar="default|FILE",
-        help="the table that fills what the pairs do not say (default: default, that of pflut)",
+        metavar="NAME|FILE",
+        help="the residual table that fills what the pairs do not say: default, perspective or a "
+        "file (default: default)",
     )
     real.add_argument(
         "--max-distance",
@@ -172,15 +173,15 @@ def add_parser(verbs: Subparsers) -> None:
         actions,
         "info",
         "say what a likelihood table holds, and how it was learned",
-        usage="[default|dense|FILE]",
+        usage="[NAME|FILE]",
         examples="  pflut lut info\n  pflut lut info dense\n  pflut lut info table.npz\n",
     )
     info.add_argument(
         "table",
-        metavar="default|dense|FILE",
+        metavar="NAME|FILE",
         nargs="?",
         default="default",
-        help="default comes with pflut, dense is the paper's, or a table's file "
+        help="default and perspective come with pflut, dense is the paper's; or a table's file "
         "(default: %(default)s)",
     )
     info.set_defaults(run=run_info, parser=info)
@@ -309,8 +310,12 @@ def _from_dataset(arguments: argparse.Namespace, bars: Bars) -> LikelihoodTable 
 def _prior(name: str) -> LikelihoodTable:
     """Load the table that fills what real pairs do not say."""
     from pflut.likelihood.table import LikelihoodTable
+    from pflut.replay.tables import choose_table
 
-    return LikelihoodTable.default() if name == "default" else LikelihoodTable.load(name)
+    table = choose_table(name)
+    if not isinstance(table, LikelihoodTable):
+        raise ValueError(f"{name}: a dense table, expected a residual one")
+    return table
 
 
 def _kind(table: LikelihoodTable | DenseTable) -> str:

@@ -51,10 +51,10 @@ def add_parser(verbs: Subparsers) -> None:
     )
     parser.add_argument(
         "--table",
-        metavar="default|dense|FILE",
+        metavar="NAME|FILE",
         default="default",
-        help="likelihood table: default comes with pflut, dense is the paper's, or a file of "
-        "pflut lut build (default: %(default)s)",
+        help="likelihood table: default, or for perspective cameras as sharp as a pixel "
+        "perspective; dense, the paper's; or a file of pflut lut build (default: %(default)s)",
     )
     parser.add_argument(
         "--detector",

@@ -132,10 +132,10 @@ class ReplayOptions:
     )
     table: str = _option(
         "default",
-        "likelihood table: default comes with pflut, dense is the paper's, or a file of pflut lut "
-        "build",
+        "likelihood table: default, or for perspective cameras as sharp as a pixel perspective; "
+        "dense, the paper's; or a file of pflut lut build",
         "sensor model",
-        metavar="default|dense|FILE",
+        metavar="NAME|FILE",
     )
     bins: int | None = _option(
         None,

@@ -30,8 +30,8 @@ def choose_table(
     Parameters
     ----------
     name : str
-        "default" is the table that comes with pflut, "dense" the paper's, learned at its first
-        use; anything else is a table's file.
+        "default" and "perspective" come with pflut, see `LikelihoodTable.default`; "dense" is the
+        paper's table, learned at its first use; anything else is a table's file.
     bins : int, optional
         Cells an axis of the grids. By default a file's own, and of the others what suits the
         camera.
@@ -53,6 +53,8 @@ def choose_table(
     suitable = COMMON_BINS if camera is None else camera_bins(camera)
     if name == "default":
         return LikelihoodTable.default(bins=bins or suitable)
+    if name == "perspective":
+        return LikelihoodTable.default("perspective", bins=bins or suitable)
     if name == "dense":
         return DenseTable.default(bins=bins or suitable, progress=progress)
     table = load_table(name)
