@@ -11,7 +11,8 @@ from test_posterior import turn_on_the_spot
 
 from pflut.correspondences import Correspondences
 from pflut.geometry import bearing_angles, relative_headings, wrap_to_2pi, wrap_to_pi
-from pflut.relpose.estimate import CUTOFFS, bearing_table
+from pflut.likelihood.table import bearing_table
+from pflut.relpose.estimate import CUTOFFS
 from pflut.relpose.kernels import refine
 from pflut.relpose.ransac import ransac_headings, ransac_relative_pose
 from pflut.relpose.ransac_kernels import (
@@ -172,7 +173,9 @@ def test_refinement_is_that_of_the_estimate() -> None:
         information, wanted = np.zeros(4), np.zeros(4)
         for cutoff in 0.01 * CUTOFFS:
             inliers = refine_model(rows, len(c), cutoff, 8, found, information)
-        assert inliers == refine(bearing_table(c), 0.01 * CUTOFFS, 8, expected, wanted)
+        assert inliers == refine(
+            np.ascontiguousarray(bearing_table(c).T), 0.01 * CUTOFFS, 8, expected, wanted
+        )
         assert found == pytest.approx(expected, abs=1e-8)
         assert information == pytest.approx(wanted, rel=1e-5)
 

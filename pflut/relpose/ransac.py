@@ -95,7 +95,8 @@ def ransac_relative_pose(
     inliers, alarms = counts[0, :1].copy(), np.empty(1)
     cutoff = noise * float(CUTOFFS[-1])
     columns = np.ascontiguousarray(bearings.T)
-    judge(columns, np.array([0, len(bearings)]), headings, cutoff, SHIFTS, inliers, alarms)
+    if inliers[0]:  # else there is no model, and on the horizon any pose agrees
+        judge(columns, np.array([0, len(bearings)]), headings, cutoff, SHIFTS, inliers, alarms)
     return RelativePose(
         heading_l=float(wrap_to_pi(headings[0, 0])),
         heading_r=float(wrap_to_pi(headings[0, 1])),
