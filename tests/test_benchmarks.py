@@ -15,11 +15,14 @@ import pytest
 from world import REFERENCES, World
 
 from pflut.correspondences import Correspondences
-from pflut.likelihood.learning import BLOCK, count_simulated
+from pflut.likelihood import dense_learning, learning
+from pflut.likelihood.dense import DenseTable
 from pflut.likelihood.table import LikelihoodTable
 from pflut.localization.reference_image_model import ReferenceImageModel
 from pflut.posterior import pose_posterior
 from pflut.relpose.estimate import estimate_relative_pose
+from pflut.relpose.ransac import ransac_headings
+from pflut.relpose.search import estimate_relative_poses
 from pflut.simulation.correspondences import CorrespondenceSimulator
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="the compiler is off")
@@ -46,11 +49,9 @@ def pair() -> Correspondences:
     return CorrespondenceSimulator(mismatch=0.8).pair(25, 0)[0]
 
 
-def test_posterior_grid_costs_about_the_additions(
-    default_table: LikelihoodTable, pair: Correspondences
-) -> None:
-    """Shifting, wrapping and choosing the slices may cost half of adding contiguous arrays."""
-    arrays = [default_table.log_ratio[i].copy() for i in np.linspace(0, 127, 25).astype(int)]
+def additions_of(table: DenseTable) -> Callable[[], np.ndarray]:
+    """Add contiguous slices of the paper's table, one a correspondence: the least it can do."""
+    arrays = [table.log_ratio[i].copy() for i in np.linspace(0, 127, 25).astype(int)]
 
     def additions() -> np.ndarray:
         total = np.zeros((128, 128), np.float32)
@@ -58,8 +59,35 @@ def test_posterior_grid_costs_about_the_additions(
             total += array
         return total
 
-    ratio = ratio_of_best(lambda: default_table.log_likelihood_grid(pair), additions, 1.5)
+    return additions
+
+
+@pytest.mark.parametrize("kind", ["dense_table", "default_table"])
+def test_posterior_grid_costs_about_the_additions(
+    kind: str, dense_table: DenseTable, pair: Correspondences, request: pytest.FixtureRequest
+) -> None:
+    """Shifting, wrapping and choosing the slices may cost half of adding contiguous arrays.
+
+    A ridge is few cells a row instead of all of them, but has to be found.
+    """
+    table = request.getfixturevalue(kind)
+    ratio = ratio_of_best(lambda: table.log_likelihood_grid(pair), additions_of(dense_table), 1.5)
     assert ratio <= 1.5
+
+
+def test_estimate_costs_less_than_a_ransac_of_many_iterations(
+    default_table: LikelihoodTable,
+) -> None:
+    """The best planar RANSAC, with as many samples as it needs for nearly the same success."""
+    _, angles = CorrespondenceSimulator(mismatch=0.9).sample(64, 100, 0)
+    pairs = [Correspondences(*a.T) for a in angles]
+    ratio = ratio_of_best(
+        lambda: estimate_relative_poses(pairs, default_table),
+        lambda: ransac_headings(angles),
+        1.0,
+        tries=3,
+    )
+    assert ratio <= 1.0
 
 
 def test_a_look_up_costs_less_than_three_arctangents(default_table: LikelihoodTable) -> None:
@@ -107,11 +135,34 @@ def test_time_of_the_estimate(
     benchmark(estimate_relative_pose, pair, default_table)
 
 
+def test_time_of_the_paper_s_grid(
+    benchmark, dense_table: DenseTable, pair: Correspondences
+) -> None:
+    benchmark(dense_table.log_likelihood_grid, pair)
+
+
+@pytest.mark.parametrize(("n", "mismatch"), [(25, 0.8), (100, 0.9)])
+def test_time_of_many_estimates(
+    benchmark, default_table: LikelihoodTable, n: int, mismatch: float
+) -> None:
+    """Of 100 pairs."""
+    _, angles = CorrespondenceSimulator(mismatch=mismatch).sample(100, n, 0)
+    benchmark(estimate_relative_poses, [Correspondences(*a.T) for a in angles], default_table)
+
+
 def test_time_of_learning(benchmark) -> None:
     """Correspondences a second on one core: the extra column of the report."""
+    blocks = 8 * 2 * learning.BLOCK
+    benchmark.extra_info["correspondences"] = blocks
+    simulator = CorrespondenceSimulator()
+    benchmark(learning.count_simulated, simulator, blocks, num_classes=4, num_threads=1)
+
+
+def test_time_of_learning_the_paper_s(benchmark) -> None:
+    block = dense_learning.BLOCK
+    benchmark.extra_info["correspondences"] = block
     simulator = CorrespondenceSimulator(mismatch=0.0)
-    benchmark.extra_info["correspondences"] = BLOCK
-    benchmark(count_simulated, simulator, 128, BLOCK, num_threads=1)
+    benchmark(dense_learning.count_simulated, simulator, 128, block, num_threads=1)
 
 
 def test_time_of_weighting_particles(benchmark, default_table: LikelihoodTable) -> None:
