@@ -24,7 +24,7 @@ examples:
   pflut info                              versions, folders, datasets that are there
 
 Every verb has its own --help. Results go to a new folder in results/; what is computed once
-(features, the table, rendered homes) to the cache folder, see pflut info.
+(features, rendered homes, the paper's table) to the cache folder, see pflut info.
 """
 
 
