@@ -63,6 +63,31 @@ class Coverage:
         """
         return float(self.log_densities.mean())
 
+    @classmethod
+    def of(cls, masses: FloatArray, log_densities: FloatArray, levels: Sequence[float]) -> Coverage:
+        """Count the coverage of some pairs, for example of a part of those of another coverage.
+
+        Parameters
+        ----------
+        masses, log_densities : ndarray of shape (n,)
+            Of the pairs.
+        levels : sequence of float
+            Masses of credible regions.
+
+        Returns
+        -------
+        Coverage
+        """
+        rates = [success_rate(masses <= level) for level in levels]
+        return cls(
+            np.array(levels, dtype=np.float64),
+            np.array([rate.rate for rate in rates]),
+            np.array([rate.low for rate in rates]),
+            np.array([rate.high for rate in rates]),
+            masses,
+            log_densities,
+        )
+
 
 def coverage(
     pairs: Iterable[Pair],
@@ -86,8 +111,8 @@ def coverage(
     temperature : float
         Of the posteriors, in (0, 1].
     bins : int, optional
-        Cells an axis; default: the table's own. They should be narrower than the posteriors: the
-        likelihood is that of a cell's centre.
+        Cells an axis; default: the table's own. They should be narrower than the posteriors: a
+        cell has one likelihood, wherever in it the truth lies.
     levels : sequence of float
         Masses of credible regions, in (0, 1).
 
@@ -101,8 +126,7 @@ def coverage(
         If there are no pairs, or a parameter is out of its range.
     """
     check_temperature(temperature)
-    wanted = np.array(levels, dtype=np.float64)
-    if not ((wanted > 0.0) & (wanted < 1.0)).all():
+    if not all(0.0 < level < 1.0 for level in levels):
         raise ValueError(f"levels: expected shares in (0, 1), got {tuple(levels)}")
     shares = np.random.default_rng(_TIES_SEED)
     masses, log_densities = [], []
@@ -112,15 +136,7 @@ def coverage(
         equal = float(posterior.prob[posterior.log_prob == level].sum())
         masses.append(min(1.0, above + shares.uniform() * equal))
         log_densities.append(posterior.log_density(theta, phi))
-    rates = [success_rate(np.array(masses) <= level) for level in wanted]
-    return Coverage(
-        wanted,
-        np.array([rate.rate for rate in rates]),
-        np.array([rate.low for rate in rates]),
-        np.array([rate.high for rate in rates]),
-        np.array(masses),
-        np.array(log_densities),
-    )
+    return Coverage.of(np.array(masses), np.array(log_densities), levels)
 
 
 def fit_temperature(

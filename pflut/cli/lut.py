@@ -8,6 +8,7 @@ from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from pflut.cli import calibrate
 from pflut.cli.arguments import Subparsers, add_references, add_verb, natural, positive
 
 if TYPE_CHECKING:
@@ -67,12 +68,12 @@ _OPTIONS: dict[str, Mapping[_Way, Any]] = {
 
 
 def add_parser(verbs: Subparsers) -> None:
-    """Add the verb and its two actions."""
+    """Add the verb and its three actions."""
     parser = add_verb(
         verbs,
         "lut",
-        "learn a likelihood table (build), or describe one (info)",
-        usage="{build,info} ...",
+        "learn a likelihood table (build), describe one (info), or calibrate its posteriors",
+        usage="{build,info,calibrate} ...",
     )
     actions = parser.add_subparsers(
         title="actions", metavar="ACTION", required=True, prog=parser.prog
@@ -185,6 +186,7 @@ def add_parser(verbs: Subparsers) -> None:
         "(default: %(default)s)",
     )
     info.set_defaults(run=run_info, parser=info)
+    calibrate.add_parser(actions)
 
 
 def run_build(arguments: argparse.Namespace) -> None:
