@@ -23,8 +23,8 @@ MARGIN = 10.0
 CUTOFFS = (6.0, 3.0)
 """The biweight's cut-offs in standard deviations, from the grid's accuracy down to the noise's."""
 STEPS_PER_CUTOFF = 2
-CLIMBS = ((16, 1), (3, 2), (1, 8))
-"""So many best candidates of a pair climb so many steps; then the better ones go on."""
+CLIMBS = ((3, 2), (1, 8))
+"""After a first step of all candidates, so many best ones of a pair climb so many steps."""
 INLIER_CUTOFF = 3.0
 MIN_INLIERS = 3
 SHIFTS = 16
@@ -127,9 +127,8 @@ def _solve(
     )
     values = np.empty(len(poses))
     information = np.empty((len(poses), 5))
-    chosen = np.arange(len(poses))
-    for count, steps in CLIMBS:
-        chosen = _best(values, owners, chosen, count) if count < most else chosen
+    for count, steps in ((most, 1), *CLIMBS):
+        chosen = np.arange(len(poses)) if count == most else _best(values, owners, count)
         climbing, found, known = poses[chosen], np.empty(len(chosen)), np.empty((len(chosen), 5))
         maximize(arrays, climbing, owners[chosen], steps, table.arrays, found, known)
         poses[chosen], values[chosen], information[chosen] = climbing, found, known
@@ -172,11 +171,9 @@ def _gather(
     return bearing_rows(*angles), odds
 
 
-def _best(
-    values: FloatArray, owners: NDArray[np.int64], chosen: NDArray[np.int64], count: int
-) -> NDArray[np.int64]:
+def _best(values: FloatArray, owners: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     """Choose the ``count`` candidates of highest value of each pair, in the pairs' order."""
-    order = chosen[np.lexsort((-values[chosen], owners[chosen]))]
+    order = np.lexsort((-values, owners))
     own = owners[order]
     starts = np.flatnonzero(np.append(True, own[1:] != own[:-1]))
     rank = np.arange(len(order)) - np.repeat(starts, np.diff(np.append(starts, len(order))))
