@@ -1,40 +1,53 @@
-"""Time the likelihood against its bounds, everything in one run on one core, as ratios.
+"""Time the likelihood against its peers and bounds, everything in one run on one core, as ratios.
 
-    OMP_NUM_THREADS=1 python sims/speed.py
+    OMP_NUM_THREADS=1 python sims/speed.py [--quick] [--output DIR]
 
-1. The 128 x 128 posterior grid of 25 correspondences, against adding 25 contiguous arrays of the
-   table's own type and size in NumPy.
-2. Learning the table, correspondences a second on one core.
-3. `log_likelihood` of 10,000 poses against 10 references with the matches given, against features
+1. The 128 x 128 posterior grid of the residual table, against the paper's table, and that against
+   adding contiguous arrays of its own type and size in NumPy; on the same pairs.
+2. The polished maximum-likelihood estimate with its covariance, in a batch, against the planar
+   2-point LO-RANSAC (MSAC, cheirality) with 1,000 and 100 iterations and with adaptive stopping.
+3. How the grid's time grows with correspondences and with bins: a figure.
+4. Pairs a second, with one thread and with all cores.
+5. Learning the tables, correspondences a second on one core.
+6. `log_likelihood` of 10,000 poses against 10 references with the matches given, against features
    and matching of the same image of the simulated home.
 """
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable
+from pathlib import Path
 from time import perf_counter, process_time
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from pflut import (
+    Correspondences,
     CorrespondenceSimulator,
+    DenseTable,
     FeatureExtractor,
     LikelihoodTable,
     ReferenceImageModel,
     ReferenceMap,
-    estimate_relative_pose,
+    estimate_relative_poses,
     load_dataset,
 )
-from pflut.likelihood.learning import count_simulated
+from pflut.likelihood import dense_learning, learning
+from pflut.likelihood.sampling import available_cores
+from pflut.plot import save_figure
+from pflut.relpose.ransac import ransac_headings
 
-REPEATS = 30
+SUCCESS = 0.1
+CELLS = [(n, share) for n in (25, 100) for share in (0.5, 0.8, 0.9)]
 
 
-def seconds(*functions: Callable[[], object]) -> list[float]:
+def seconds(*functions: Callable[[], object], repeats: int = 15) -> list[float]:
     """Call functions in turn, many times; give the median of each."""
     for function in functions:
         function()
-    times = np.empty((REPEATS, len(functions)))
+    times = np.empty((repeats, len(functions)))
     for row in times:
         for column, function in enumerate(functions):
             start = perf_counter()
@@ -43,40 +56,139 @@ def seconds(*functions: Callable[[], object]) -> list[float]:
     return [float(value) for value in np.median(times, axis=0)]
 
 
-def posterior_grid(table: LikelihoodTable) -> None:
-    """Compare Algorithm 1 with additions of contiguous arrays."""
-    for n in (25, 100):
-        correspondences, _, _ = CorrespondenceSimulator(mismatch=0.8).pair(n, rng=0)
-        arrays = [table.log_ratio[i].copy() for i in np.linspace(0, 127, n).astype(int)]
+def simulated(count: int, share: float, pairs: int) -> tuple[np.ndarray, list[Correspondences]]:
+    """Give true headings (pairs, 2) and correspondences, with seed 1."""
+    headings, bearings = CorrespondenceSimulator(mismatch=share).sample(pairs, count, rng=1)
+    return headings, [Correspondences(*pair.T) for pair in bearings]
 
-        def add(arrays: list[np.ndarray] = arrays) -> np.ndarray:
-            total = np.zeros_like(arrays[0])
-            for array in arrays:
-                total += array
-            return total
 
-        def grid(correspondences=correspondences) -> object:
-            return table.log_likelihood_grid(correspondences)
-
-        def estimate(correspondences=correspondences) -> object:
-            return estimate_relative_pose(correspondences, table)
-
-        bound, ours, whole = seconds(add, grid, estimate)
+def posterior_grids(table: LikelihoodTable, dense: DenseTable, pairs: int) -> None:
+    """Compare the ridges with Algorithm 1, and that with additions of contiguous arrays."""
+    print("posterior grid, 128 x 128, us a pair")
+    print(f"{'correspondences':>16}{'mismatches':>12}{'residual':>10}{'dense':>8}{'ratio':>8}")
+    for count, share in CELLS:
+        _, made = simulated(count, share, pairs)
+        ours, theirs = seconds(
+            lambda made=made: [table.log_likelihood_grid(pair) for pair in made],
+            lambda made=made: [dense.log_likelihood_grid(pair) for pair in made],
+        )
         print(
-            f"posterior grid, {n:3} correspondences  {1e6 * ours:7.0f} us, NumPy additions "
-            f"{1e6 * bound:5.0f} us, ratio {ours / bound:.2f}; polished estimate "
-            f"{1e6 * whole:.0f} us"
+            f"{count:16}{share:12.0%}{1e6 * ours / pairs:10.1f}{1e6 * theirs / pairs:8.1f}"
+            f"   1/{theirs / ours:.2f}"
+        )
+    arrays = [dense.log_ratio[i].copy() for i in np.linspace(0, 127, 25).astype(int)]
+
+    def add() -> np.ndarray:
+        total = np.zeros_like(arrays[0])
+        for array in arrays:
+            total += array
+        return total
+
+    pair = simulated(25, 0.8, 1)[1][0]
+    bound, theirs = seconds(add, lambda: dense.log_likelihood_grid(pair), repeats=60)
+    print(
+        f"dense, 25 correspondences of one pair: {1e6 * theirs:.0f} us, NumPy additions "
+        f"{1e6 * bound:.0f} us, ratio {theirs / bound:.2f}"
+    )
+
+
+def estimates(table: LikelihoodTable, pairs: int) -> None:
+    """Compare the estimate with RANSAC: time and success on the same pairs."""
+    peers = {
+        "x1000": {"max_iterations": 1000},
+        "x100": {"max_iterations": 100},
+        "adaptive": {"confidence": 0.999},
+    }
+    print("\npolished estimate with covariance, us a pair (share of pairs within 0.1 rad)")
+    names = "".join(f"{'2-point ' + name:>22}" for name in peers)
+    print(f"{'correspondences':>16}{'mismatches':>12}{'likelihood':>18}{names}")
+    for count, share in CELLS:
+        headings, made = simulated(count, share, pairs)
+        bearings = CorrespondenceSimulator(mismatch=share).sample(pairs, count, rng=1)[1]
+        times = seconds(
+            lambda made=made: estimate_relative_poses(made, table),
+            *(
+                lambda options=options, bearings=bearings: ransac_headings(bearings, **options)
+                for options in peers.values()
+            ),
+            repeats=5,
+        )
+        found = [
+            np.array([[e.heading_l, e.heading_r] for e in estimate_relative_poses(made, table)]),
+            *(ransac_headings(bearings, **options)[0] for options in peers.values()),
+        ]
+        line = f"{count:16}{share:12.0%}"
+        for width, time, poses in zip((18, 22, 22, 22), times, found, strict=True):
+            error = np.abs(np.angle(np.exp(1j * (poses - headings)))).max(axis=1)
+            line += f"{f'{1e6 * time / pairs:.0f} ({np.mean(error < SUCCESS):.3f})':>{width}}"
+        print(line)
+
+
+def throughput(table: LikelihoodTable, pairs: int) -> None:
+    """Estimate many pairs of 25 correspondences with one thread and with all cores."""
+    cores = available_cores()
+    for share in (0.5, 0.8, 0.9):
+        _, made = simulated(25, share, pairs)
+        one, all_cores = seconds(
+            lambda made=made: estimate_relative_poses(made, table),
+            lambda made=made: estimate_relative_poses(made, table, num_threads=cores),
+            repeats=5,
+        )
+        print(
+            f"25 correspondences, {share:.0%} mismatches: {pairs / one:,.0f} pairs a second with "
+            f"one thread, {pairs / all_cores:,.0f} with {cores}"
         )
 
 
-def learning() -> None:
+def growth(table: LikelihoodTable, pairs: int, output: Path) -> None:
+    """Draw the grid's time against correspondences and against bins."""
+    counts, bins = (12, 25, 50, 100, 200, 400), (32, 64, 96, 128, 192, 256, 384)
+    made = {count: simulated(count, 0.8, pairs)[1] for count in counts}
+    by_count = [
+        seconds(lambda pair=made[count]: [table.log_likelihood_grid(p) for p in pair], repeats=7)[0]
+        for count in counts
+    ]
+    by_bins = [
+        seconds(lambda b=b: [table.log_likelihood_grid(p, b) for p in made[100]], repeats=7)[0]
+        for b in bins
+    ]
+    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    for axes, x, times, label in (
+        (left, counts, by_count, "correspondences, 128 bins"),
+        (right, bins, by_bins, "bins an axis, 100 correspondences"),
+    ):
+        time = 1e6 * np.array(times) / pairs
+        axes.plot(x, time, "o-", label="grid of the residual table")
+        slope = time[-1] / x[-1]
+        axes.plot(x, slope * np.array(x), "--", color="0.5", label="linear")
+        axes.set(xlabel=label, ylabel="time a pair [us]", xlim=(0, None), ylim=(0, None))
+        axes.legend()
+        axes.grid(alpha=0.3)
+    save_figure(figure, output / "growth.png")
+    print(f"written: {output / 'growth.png'}")
+
+
+def learn() -> None:
     """Count simulated correspondences on one core."""
-    count_simulated(CorrespondenceSimulator(mismatch=0.0), 128, 100_000, num_threads=1)
-    samples = 10_000_000
-    start = process_time()
-    count_simulated(CorrespondenceSimulator(mismatch=0.0), 128, samples, num_threads=1)
-    spent = process_time() - start
-    print(f"learning, 128 bins: {samples / spent / 1e6:.2f} million correspondences/s a core")
+    simulator = CorrespondenceSimulator()
+    for name, samples, count in (
+        (
+            "residual table",
+            16_000_000,
+            lambda n: learning.count_simulated(simulator, n, num_classes=4, num_threads=1),
+        ),
+        (
+            "dense table, 128 bins",
+            10_000_000,
+            lambda n: dense_learning.count_simulated(simulator, 128, n, num_threads=1),
+        ),
+    ):
+        count(100_000)
+        start = process_time()
+        count(samples)
+        spent = process_time() - start
+        print(f"learning, {name}: {samples / spent / 1e6:.2f} million correspondences/s a core")
 
 
 def sensor(table: LikelihoodTable) -> None:
@@ -102,14 +214,30 @@ def sensor(table: LikelihoodTable) -> None:
     )
     count = sum(len(m.correspondences) for m in matches)
     print(
-        f"10,000 poses against {len(matches)} references, {count} matches: "
+        f"10,000 poses against {len(matches)} references, {count} matches, {table.bins} bins: "
         f"{1e3 * weigh:.1f} ms; features {1e3 * extract:.0f} ms, matching {1e3 * match:.0f} ms; "
         f"ratio 1/{(extract + match) / weigh:.0f}"
     )
 
 
+def main() -> None:
+    """Time everything."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="fewer pairs, no simulated home")
+    parser.add_argument("--output", type=Path, default=Path("results/speed"))
+    arguments = parser.parse_args()
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    pairs = 64 if arguments.quick else 256
+    table, dense = LikelihoodTable.default(), DenseTable.default()
+    posterior_grids(table, dense, pairs)
+    estimates(table, 4 * pairs)
+    throughput(table, 16 * pairs)
+    growth(table, pairs // 4, arguments.output)
+    learn()
+    if not arguments.quick:
+        sensor(table)
+        sensor(table.with_bins(192))
+
+
 if __name__ == "__main__":
-    default = LikelihoodTable.default()
-    posterior_grid(default)
-    learning()
-    sensor(default)
+    main()

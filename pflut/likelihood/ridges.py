@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,7 @@ from pflut.likelihood.ridge_kernels import (
     WIDTH,
     Candidates,
     RidgeArrays,
+    Scratch,
     make_scratch,
     ridge_candidates,
     ridge_grid,
@@ -96,7 +98,7 @@ class Ridges:
         out = np.empty(self.bins * self.bins, np.float32)
         constant = np.float32(-np.log1p(odds).sum())
         shifts = self.shifts(odds, shapes)
-        scratch = make_scratch(self.bins)
+        scratch = _scratch(self.bins)
         ridge_grid(bearings, shapes, shifts, constant, self.arrays, scratch, out)
         return out.reshape(self.bins, self.bins)
 
@@ -141,11 +143,22 @@ class Ridges:
             first,
             margin,
             self.arrays,
-            make_scratch(self.bins),
+            _scratch(self.bins),
             np.empty((most, 3)),
             out,
         )
         return Candidates(out.poses[:count], out.values[:count], out.owners[:count], out.evidence)
+
+
+_memory = threading.local()
+
+
+def _scratch(bins: int) -> Scratch:
+    """Give this thread's memory; allocating it costs as much as a grid."""
+    if getattr(_memory, "bins", None) != bins:
+        _memory.bins, _memory.scratch = bins, make_scratch(bins)
+    scratch: Scratch = _memory.scratch
+    return scratch
 
 
 def make_ridges(density: NDArray[np.floating], profile: NDArray[np.floating], bins: int) -> Ridges:
