@@ -19,7 +19,14 @@ from pflut.camera import (
 )
 from pflut.likelihood.dense import DenseTable
 from pflut.likelihood.table import LikelihoodTable
-from pflut.replay.tables import COMMON_BINS, SHARP_BINS, camera_bins, choose_table, table_record
+from pflut.replay.tables import (
+    COMMON_BINS,
+    DENSE_BINS,
+    SHARP_BINS,
+    camera_bins,
+    choose_table,
+    table_record,
+)
 
 SHARP = Perspective(1226, 370, 707, 707, 602, 183)
 MIRROR = HyperbolicMirror(1024, 768, 0.97, 350, 350, 511, 383, elevation_min=-0.8)
@@ -69,7 +76,7 @@ def test_the_papers_table_is_learned_once(
     assert choose_table("dense", progress=print) is small_dense_table
     choose_table("dense", camera=SHARP)
     choose_table("dense", camera=SHARP, bins=32)
-    assert asked == [(COMMON_BINS, print), (SHARP_BINS, None), (32, None)]
+    assert asked == [(DENSE_BINS, print), (SHARP_BINS, None), (32, None)]
 
 
 def test_a_residual_tables_file_has_bins_of_its_own_unless_told_otherwise(

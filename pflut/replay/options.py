@@ -139,7 +139,7 @@ class ReplayOptions:
     )
     bins: int | None = _option(
         None,
-        "cells an axis of the table's grids (default: a file's own; else 128, or 256 for cameras "
+        "cells an axis of the table's grids (default: a file's own; else 192, or 256 for cameras "
         "below 0.002 rad a pixel)",
         "sensor model",
         "[4, 512]",
