@@ -479,6 +479,24 @@ def test_quality_that_tells_nothing_is_flat(default_table: LikelihoodTable) -> N
     assert table.quality[:16] == pytest.approx(1.0, abs=0.25)
 
 
+def test_scores_that_were_never_met_are_as_those_near_them(
+    default_table: LikelihoodTable,
+) -> None:
+    """A ratio test lets none pass beyond its limit, and few are near zero."""
+    pairs = []
+    for c, *pose in with_quality(real_pairs(200, 50, 0.6, 7), 0):
+        quality = np.clip(c.quality, 0.21, 0.79)
+        quality[(quality > 0.5) & (quality < 0.6)] = 0.61
+        pairs.append((dataclasses.replace(c, quality=quality), *pose))
+    table = LikelihoodTable.from_pairs(pairs, prior=default_table)
+    assert table.quality is not None
+    assert np.isfinite(table.quality).all()
+    assert (np.diff(table.quality) <= 0).all()
+    assert (table.quality[:5] == table.quality[4]).all()
+    assert (table.quality[15:] == table.quality[15]).all()
+    assert table.quality[9] > table.quality[10] > table.quality[12]
+
+
 def test_no_quality_none_learned(default_table: LikelihoodTable) -> None:
     assert (
         LikelihoodTable.from_pairs(real_pairs(20, 10, 0.5, 0), prior=default_table).quality is None

@@ -414,9 +414,12 @@ def quality_ratio(counts: Counts) -> np.ndarray | None:
     mismatches *= counts.chance_profile.sum()
     true = np.maximum(inside - mismatches * by_chance * far / far.sum(), 0.0)
     prior = (true + far) / (true + far).sum() * QUALITY_PRIOR
-    ratio = (true + prior) / (true.sum() + QUALITY_PRIOR)
-    ratio /= (far + prior) / (far.sum() + QUALITY_PRIOR)
-    return _decreasing(ratio, true + far + prior).astype(np.float32)
+    met = np.flatnonzero(prior)
+    ratio = ((true + prior) / (true.sum() + QUALITY_PRIOR))[met]
+    ratio /= ((far + prior) / (far.sum() + QUALITY_PRIOR))[met]
+    # a score that was never met, as beyond the ratio test's limit, is worth what those near it are
+    ratio = np.interp(np.arange(len(far)), met, ratio)
+    return _decreasing(ratio, true + far + prior + 1e-9).astype(np.float32)
 
 
 def _decreasing(values: FloatArray, weights: FloatArray) -> FloatArray:
