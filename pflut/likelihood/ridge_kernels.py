@@ -299,7 +299,8 @@ def _line(bearing, bins, line):  # type: ignore[no-untyped-def]
     if abs(p) > abs(q):
         p, q = q, p
         view = 1
-    r = p / q
+    # what a float32 cannot hold is on the horizon
+    r = p / q if abs(q) > 1e-30 else np.nan
     cells = bins / TWO_PI
     sine, cosine = bearing[4 * view], bearing[4 * view + 1]
     near = fast_arctan2(sine, cosine)
