@@ -17,7 +17,7 @@ from pflut.relpose.result import UNIFORM_VARIANCE, RelativePose
 
 COARSE_BINS = {0.005: 64, 0.0: 128}
 """Cells an axis of the grid in which candidates are looked for, by the table's least noise."""
-MOST_CANDIDATES = 16
+MOST_CANDIDATES = 8
 MARGIN = 10.0
 """Nats below a coarse grid's maximum at which a candidate is given up."""
 CUTOFFS = (6.0, 3.0)
@@ -32,7 +32,7 @@ SHIFTS = 16
 MAX_FALSE_ALARMS = 0.01
 BAND = 0.1
 """Radians of the rotation within which poses count as one turn on the spot."""
-PAIRS_A_TASK = 64
+PAIRS_A_TASK = 128
 
 
 def estimate_relative_poses(
