@@ -1,0 +1,93 @@
+"""Tables learned from rendered homes, with and without match quality, used in homes not seen.
+
+    python sims/learned_from_homes.py [--train 0 1] [--test 3] [--real DATASET] [--output DIR]
+
+Compares the default table, the same with what the homes tell of mismatches and of quality, and the
+table learned from the homes, on the pairs of another rendered home and of a real one. Prints a
+table, writes a CSV.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from pflut import FeatureExtractor, LikelihoodTable, estimate_relative_poses, load_dataset
+from pflut.datasets import Dataset, load_simulated_home
+from pflut.evaluation import relative_pose_errors
+from pflut.features import FeatureCache
+from pflut.pairs import ImagePair, dataset_pairs
+
+
+def pairs_of(dataset: Dataset, max_distance: float) -> Iterator[ImagePair]:
+    """Match the near pairs of a dataset."""
+    extractor = FeatureExtractor(
+        dataset.camera, mask_elevation=dataset.mask_elevation, mask=dataset.mask
+    )
+    pairs = dataset_pairs(dataset, extractor, max_distance=max_distance, cache=FeatureCache())
+    yield from tqdm(pairs, desc=dataset.name, unit="pair", disable=None)
+
+
+def main() -> None:
+    """Learn and compare."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--train", type=int, nargs="+", default=[0, 1], help="seeds of homes")
+    parser.add_argument("--test", type=int, default=3, help="seed of a home")
+    parser.add_argument("--real", help="a dataset with true poses")
+    parser.add_argument("--output", type=Path, default=Path("results/learned_from_homes"))
+    arguments = parser.parse_args()
+    train = [
+        (pair.correspondences, pair.heading_l, pair.heading_r)
+        for seed in arguments.train
+        for pair in pairs_of(load_simulated_home(seed=seed), 2.5)
+    ]
+    default = LikelihoodTable.default()
+    learned = LikelihoodTable.from_pairs(train, source=f"homes {arguments.train}")
+    print(
+        f"learned from {len(train)} pairs, {learned.learned_from['num_samples']} matches: "
+        f"{learned.mismatch:.0%} mismatches, noise {learned.noise:.4f} rad"
+    )
+    tables = {
+        "default": default,
+        "default, mismatch share": replace(default, mismatch=learned.mismatch),
+        "default, share and quality": replace(
+            default, mismatch=learned.mismatch, quality=learned.quality
+        ),
+        "learned": learned,
+        "learned, no quality": replace(learned, quality=None),
+    }
+    sets = {f"home {arguments.test}": (load_simulated_home(seed=arguments.test), 2.5)}
+    if arguments.real is not None:
+        sets["real"] = (load_dataset(arguments.real), 3.0)
+    rows = []
+    for name, (dataset, distance) in sets.items():
+        pairs = list(pairs_of(dataset, distance))
+        truth = np.array([[pair.heading_l, pair.heading_r] for pair in pairs])
+        for label, table in tables.items():
+            found = estimate_relative_poses([pair.correspondences for pair in pairs], table)
+            poses = np.array([[pose.heading_l, pose.heading_r] for pose in found])
+            error_l, rotation = relative_pose_errors(*poses.T, *truth.T)
+            error_r, _ = relative_pose_errors(*poses.T[::-1], *truth.T[::-1])
+            right = (np.maximum(error_l, error_r) < np.radians(20)) & (rotation < np.radians(5))
+            rows.append((name, label, len(pairs), right.mean(), np.degrees(np.median(rotation))))
+    print("right: rotation within 5 deg, both headings within 20 deg")
+    for name, label, count, right, rotation in rows:
+        print(
+            f"{name:10}{label:28}{count:6} pairs, right {right:.3f}, rotation {rotation:6.2f} deg"
+        )
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    with (arguments.output / "tables.csv").open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(("set", "table", "pairs", "right", "rotation_deg"))
+        writer.writerows(rows)
+    print(f"written: {arguments.output}")
+
+
+if __name__ == "__main__":
+    main()
