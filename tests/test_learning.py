@@ -24,6 +24,7 @@ from pflut.likelihood.axes import (
 )
 from pflut.likelihood.learning import (
     BLOCK,
+    CHANCE_SAMPLES,
     SHAPE_CELLS,
     Counts,
     _count_quality,
@@ -369,7 +370,7 @@ def test_pairs_and_simulation_learn_the_same(default_table: LikelihoodTable) -> 
         return float(np.mean([by.log_likelihood(c, pose)[0] for c, *pose in test]))
 
     # of 85 nats of forty correspondences: of cells that chance hardly ever met no evidence is
-    # taken, and with two million random poses that is most of the finer ones
+    # taken, and that is most of the finer ones
     assert told(table) == pytest.approx(told(default_table), abs=8.0)
     assert table.noise == pytest.approx(default_table.noise, rel=0.1)
 
@@ -433,7 +434,7 @@ def test_mismatches_of_real_pairs_are_made_of_their_bearings(
     """Never of the correspondence itself, and about as many as asked for."""
     pairs = real_pairs(40, 30, 0.0, 6)
     counts, mismatch, _ = count_pairs(pairs, num_classes=1, noise=0.01)
-    assert counts.chance_profile.sum() == pytest.approx(2e6, rel=0.01)
+    assert counts.chance_profile.sum() == pytest.approx(CHANCE_SAMPLES, rel=0.01)
     assert mismatch == pytest.approx(0.02)
     # at random poses it makes no difference what the true ones were
     inside = counts.chance_inside.sum() / counts.chance_profile.sum()

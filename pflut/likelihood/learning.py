@@ -49,7 +49,7 @@ FAR = 0.15
 """Radians; so large a residual is a mismatch's."""
 PSEUDO_COUNT = 4.0
 """Mismatches added to every cell: what was hardly ever met is taken as no evidence."""
-CHANCE_SAMPLES = 16_000_000
+CHANCE_SAMPLES = 8_000_000
 """Random poses at which the mismatches of real pairs are met, all together."""
 QUALITY_PRIOR = 50.0
 """Samples of neither kind that are added to the quality's counts."""

@@ -140,7 +140,8 @@ class LikelihoodTable:
         """Standard deviation of the residuals of true matches, radians; robust, as learned."""
         nodes = residual_nodes()
         # a mismatch's residual is all but uniform where it is small
-        density = np.interp(np.linspace(0.0, nodes[-1], 4096), nodes, self.profile.mean(axis=0))
+        profile = np.median(self.profile, axis=0)
+        density = np.interp(np.linspace(0.0, nodes[-1], 4096), nodes, profile)
         cumulative = np.cumsum(density)
         median = float(np.searchsorted(cumulative, 0.5 * cumulative[-1])) / 4096.0 * nodes[-1]
         return float(max(median / 0.6745, 1e-4))
