@@ -440,7 +440,7 @@ def test_mismatches_of_real_pairs_are_made_of_their_bearings(
     inside = counts.chance_inside.sum() / counts.chance_profile.sum()
     simulated = count_simulated(CorrespondenceSimulator(), 2 * 8 * BLOCK, num_classes=1)
     share = simulated.chance_profile[:, :20].sum() / simulated.chance_profile.sum()
-    assert counts.chance_profile[:, :20].sum() / 2e6 == pytest.approx(share, rel=0.15)
+    assert counts.chance_profile[:, :20].sum() / CHANCE_SAMPLES == pytest.approx(share, rel=0.15)
     assert 0.005 < inside < 0.1
 
 
