@@ -200,7 +200,7 @@ def draw_success(axes: Axes, cells: Sequence[Cell]) -> None:
             (rate - low, high - rate),
             fmt=".-" if k < len(CYCLE) else ".--",
             color=color,
-            lw=1.2 + 0.3 * k,  # where curves coincide all of them are seen
+            lw=1.2,
             label=name,
             zorder=3.0 - 0.1 * k,
         )
@@ -222,13 +222,14 @@ def accuracy(pairs: int, quick: bool, output: Path) -> list[Cell]:
     samples = 16_000_000 if quick else 64_000_000
     paper = DenseTable.from_simulation(mismatches="simulated", num_samples=samples)
     three = {"solver": "3pt", "scoring": "inliers", "local_optimization": False}
+    more = "2-point LO-RANSAC x10,000"
     estimators = {
         "default table": by_table(table),
         "residual alone": by_table(residual_alone(table)),
         "dense table": by_dense_table(DenseTable.default()),
         "dense, paper's mismatches": by_dense_table(paper),
         "2-point LO-RANSAC x1000": by_ransac(),
-        "2-point LO-RANSAC x10,000": by_ransac(max_iterations=10_000),
+        more: by_ransac(max_iterations=10_000),
         "3-point RANSAC x10,000": by_ransac(max_iterations=10_000, **three),
     }
     wanted = [(count, share) for count in (25, 100) for share in MISMATCHES]
@@ -239,15 +240,17 @@ def accuracy(pairs: int, quick: bool, output: Path) -> list[Cell]:
     worst = 0.0
     for column, count in zip(axes.T, (25, 100), strict=True):
         some = [cell for cell in cells if cell.count == count]
-        draw_success(column[0], some)
+        # more samples change nothing, and would hide the curve of fewer
+        drawn = [cell for cell in some if cell.estimator != more]
+        draw_success(column[0], drawn)
         column[0].set(title=f"{count} correspondences", xlabel="")
         x = places(some)
         aims = [(x[share], aim) for (n, share), aim in TARGETS.items() if n == count]
         column[0].plot(*zip(*aims, strict=True), "_", color="black", ms=14, label="target")
-        for k, (color, name) in enumerate(zip(CYCLE, estimators, strict=True)):
-            degrees = [np.degrees(cell.row()[-1]) for cell in some if cell.estimator == name]
-            style = {"color": color, "lw": 1.2 + 0.3 * k, "zorder": 3.0 - 0.1 * k}
-            column[1].plot(x.values(), degrees, ".-", **style)
+        names = dict.fromkeys(cell.estimator for cell in drawn)
+        for k, (color, name) in enumerate(zip(CYCLE, names, strict=False)):
+            degrees = [np.degrees(cell.row()[-1]) for cell in drawn if cell.estimator == name]
+            column[1].plot(x.values(), degrees, ".-", color=color, lw=1.2, zorder=3.0 - 0.1 * k)
         column[1].set(yscale="log", xlabel="mismatches [%]", ylabel="median heading error [deg]")
         tidy(column[1])
         for share in (share for share in MISMATCHES if share <= 0.6):
@@ -394,6 +397,31 @@ def exhaustive(
     return poses[best], values[best] - np.diff(first) * np.log1p(table.prior_odds)
 
 
+def draw_search(rows: Sequence[tuple[Any, ...]], path: Path) -> None:
+    """Draw the shares over the number of candidates, a panel a kind of pairs."""
+    figure = new_figure(9.0, 8.0)
+    axes = figure.subplots(2, 2, sharey=True, sharex=True)
+    for (name, count), panel in zip(dict.fromkeys(row[:2] for row in rows), axes.flat, strict=True):
+        shares = sorted({row[2] for row in rows if row[:2] == (name, count)})
+        for color, share in zip(CYCLE, shares, strict=False):
+            for bins, style in ((64, ".-"), (128, ".--")):
+                some = [row[4:9] for row in rows if row[:4] == (name, count, share, bins)]
+                x, _, rate, low, high = np.array(some).T
+                bars = (rate - low, high - rate)
+                label = f"{share:.0%}, {bins} bins"
+                panel.errorbar(x, rate, bars, fmt=style, color=color, lw=1.2, label=label)
+        panel.set(xscale="log", ylim=(0.2, 1.02), title=f"{name}, {count} correspondences")
+        panel.set_xticks([4, 8, 16, 32, 64], ["4", "8", "16", "32", "64"])
+        panel.minorticks_off()
+        panel.legend(frameon=False, fontsize=8, ncols=2, loc="lower right")
+        tidy(panel)
+    for panel in axes[:, 0]:
+        panel.set_ylabel("share equal to the exhaustive search")
+    for panel in axes[1]:
+        panel.set_xlabel("candidates")
+    save_figure(figure, path)
+
+
 def search(pairs: int, quick: bool, output: Path) -> list[tuple[Any, ...]]:
     """Measure how often the search from coarse to fine finds the exhaustive one's pose."""
     pairs = pairs // 4 if quick else pairs
@@ -426,29 +454,7 @@ def search(pairs: int, quick: bool, output: Path) -> list[tuple[Any, ...]]:
             f"{name:20}{count:4}{share:10.2f}{bins:6}{candidates:12}{rate:8.3f}"
             f"{f'{low:.3f} to {high:.3f}':>16}{success:9.3f}{reachable:12.3f}"
         )
-    figure = new_figure(9.0, 8.0)
-    axes = figure.subplots(2, 2, sharey=True, sharex=True)
-    for (name, count), panel in zip(
-        ((run[0], count) for run in runs for count in (25, 100)), axes.flat, strict=True
-    ):
-        shares = sorted({row[2] for row in rows if row[:2] == (name, count)})
-        for color, share in zip(CYCLE, shares, strict=False):
-            for bins, style in ((64, ".-"), (128, ".--")):
-                some = [row[4:9] for row in rows if row[:4] == (name, count, share, bins)]
-                x, _, rate, low, high = np.array(some).T
-                bars = (rate - low, high - rate)
-                label = f"{share:.0%}, {bins} bins"
-                panel.errorbar(x, rate, bars, fmt=style, color=color, lw=1.2, label=label)
-        panel.set(xscale="log", title=f"{name}, {count} correspondences")
-        panel.set_xticks([4, 8, 16, 32, 64], ["4", "8", "16", "32", "64"])
-        panel.minorticks_off()
-        panel.legend(frameon=False, fontsize=8, ncols=2, loc="lower right")
-        tidy(panel)
-    for panel in axes[:, 0]:
-        panel.set_ylabel("share equal to the exhaustive search")
-    for panel in axes[1]:
-        panel.set_xlabel("candidates")
-    save_figure(figure, output / "search.png")
+    draw_search(rows, output / "search.png")
     return rows
 
 

@@ -311,10 +311,10 @@ def _from_dataset(arguments: argparse.Namespace, bars: Bars) -> LikelihoodTable 
 
 def _prior(name: str) -> LikelihoodTable:
     """Load the table that fills what real pairs do not say."""
-    from pflut.likelihood.table import LikelihoodTable
+    from pflut.likelihood.table import DEFAULT_BINS, LikelihoodTable
     from pflut.replay.tables import choose_table
 
-    table = choose_table(name)
+    table = choose_table(name, bins=DEFAULT_BINS if name == "default" else None)
     if not isinstance(table, LikelihoodTable):
         raise ValueError(f"{name}: a dense table, expected a residual one")
     return table
