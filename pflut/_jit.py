@@ -1,4 +1,4 @@
-"""The one decorator of every compiled kernel."""
+"""The decorators of compiled kernels."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 FASTMATH = {"nsz", "arcp", "contract", "afn", "reassoc"}
 
 
-def jit(function: F) -> F:
+def jit(function: F, **more: Any) -> F:
     """Compile a kernel: cached on disk, GIL released, IEEE division, serial.
 
     Parameters
@@ -23,15 +23,33 @@ def jit(function: F) -> F:
         The kernel: arrays and scalars in, caller-allocated arrays out, no Python objects.
         It may call kernels of its own file only, because Numba's cache does not notice a
         change in a callee of another file (numba#1833).
+    **more
+        Further options of `numba.njit`.
 
     Returns
     -------
     callable
         The dispatcher; it compiles at its first call, never at import.
     """
-    options = {"nogil": True, "fastmath": FASTMATH, "error_model": "numpy"}
+    options = {"nogil": True, "fastmath": FASTMATH, "error_model": "numpy", **more}
     try:
         compiled: F = numba.njit(cache=True, **options)(function)
     except RuntimeError:  # no folder for the cache can be written: a read-only install
         compiled = numba.njit(**options)(function)
     return compiled
+
+
+def inline(function: F) -> F:
+    """Compile a kernel into the loop of the kernel that calls it.
+
+    Parameters
+    ----------
+    function : callable
+        As of `jit`. Many arrays are passed by many numbers, which costs more than a short loop.
+
+    Returns
+    -------
+    callable
+        The dispatcher.
+    """
+    return jit(function, forceinline=True)

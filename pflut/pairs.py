@@ -12,7 +12,7 @@ from pflut.correspondences import Correspondences
 from pflut.datasets.base import Dataset
 from pflut.features import FeatureCache, FeatureExtractor, match
 from pflut.geometry import relative_headings
-from pflut.likelihood.table import bearing_table
+from pflut.likelihood.table import bearing_columns
 from pflut.relpose.kernels import judge
 from pflut.relpose.result import RelativePose
 from pflut.relpose.search import INLIER_CUTOFF
@@ -165,7 +165,7 @@ def agreeing(
     ndarray of shape (n,), bool
     """
     count = len(correspondences)
-    columns = np.ascontiguousarray(bearing_table(correspondences).T)
+    columns = bearing_columns(correspondences)
     headings = np.tile([pose.heading_l, pose.heading_r], (count, 1))
     agree, alarms = np.empty(count, np.int64), np.empty(count)
     # each one is a pair of views by itself

@@ -34,7 +34,7 @@ from pflut.geometry import wrap_to_pi
 from pflut.likelihood.axes import parallax_edges
 from pflut.likelihood.dense import DenseTable
 from pflut.likelihood.residual_kernels import PairArrays, maximize
-from pflut.likelihood.table import bearing_table
+from pflut.likelihood.table import bearing_columns
 from pflut.plot import save_figure
 from pflut.plot.style import CYCLE, GREY, new_figure, tidy
 from pflut.relpose.kernels import refine_many
@@ -374,12 +374,12 @@ def exhaustive(
 
     Each is climbed from twice, as it is and polished. Gives poses (pairs, 2) and log-likelihoods.
     """
-    bearings = np.concatenate([bearing_table(pair) for pair in pairs])
-    odds = np.full(len(bearings), table.prior_odds)
+    columns = np.concatenate([bearing_columns(pair) for pair in pairs], axis=1)
+    odds = np.full(columns.shape[1], table.prior_odds)
     first = np.cumsum([0, *map(len, pairs)])
-    arrays = PairArrays(np.ascontiguousarray(bearings.T), table.shapes(bearings), odds, first)
+    arrays = PairArrays(columns, table.shapes(columns), odds, first)
     starts, _, owners, _ = table.ridges(bins).candidates(
-        bearings, arrays.shapes, odds, first, margin=1e9, most=1024
+        columns, arrays.shapes, odds, first, margin=1e9, most=1024
     )
     polished = starts.copy()
     cutoffs = table.noise * np.array(CUTOFFS)

@@ -37,7 +37,7 @@ from pflut.likelihood.learning import (
     quality_ratio,
 )
 from pflut.likelihood.residual_kernels import _uniform, count_chance, count_true
-from pflut.likelihood.table import QUALITY_CELLS, LikelihoodTable, bearing_table
+from pflut.likelihood.table import QUALITY_CELLS, LikelihoodTable, bearing_columns
 from pflut.simulation.correspondences import CorrespondenceSimulator
 
 SIGMAS = 5.0
@@ -217,7 +217,7 @@ def cells_of(angles: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, np.ndar
     """Residual, cell of the parallax and shape of rows, by the twins, all rows at once."""
     columns = angles.T
     residual = np.abs(naive.residuals(columns, *poses.T))
-    shapes = LikelihoodTable.shapes(bearing_table(Correspondences(*columns)))
+    shapes = LikelihoodTable.shapes(bearing_columns(Correspondences(*columns)))
     return residual, naive.parallax_cells(columns, *poses.T), shapes
 
 
@@ -508,7 +508,7 @@ def test_no_quality_none_learned(default_table: LikelihoodTable) -> None:
 def test_quality_counts_equal_their_naive_twin() -> None:
     ((c, *pose),) = with_quality(real_pairs(1, 60, 0.5, 8), 1)
     counts = np.zeros((2, 10))
-    _count_quality(c.quality, bearing_table(c), np.array(pose), 0.03, 2.0, counts)
+    _count_quality(c.quality, bearing_columns(c).T, np.array(pose), 0.03, 2.0, counts)
     expected = np.zeros((2, 10))
     for angles, quality in zip(angles_of(c), c.quality, strict=True):
         residual = abs(naive.residuals(angles, *pose))

@@ -41,7 +41,12 @@ from pflut.likelihood.residual_kernels import (
     score,
     shape_cell,
 )
-from pflut.likelihood.table import QUALITY_CELLS, LikelihoodTable, bearing_rows, bearing_table
+from pflut.likelihood.table import (
+    QUALITY_CELLS,
+    LikelihoodTable,
+    bearing_columns,
+    sines_and_cosines,
+)
 from pflut.simulation.correspondences import CorrespondenceSimulator
 
 SIGMAS = 5.0
@@ -135,7 +140,7 @@ def test_coordinates_equal_their_naive_twin() -> None:
     slopes = np.empty(2)
     lookup = parallax_lookup()
     apart = 0
-    for row, angles in zip(bearing_table(c), angles_of(c), strict=True):
+    for row, angles in zip(bearing_columns(c).T, angles_of(c), strict=True):
         for theta, phi in np.random.default_rng(1).uniform(0, TWO_PI, (5, 2)):
             residual, step = coordinates(
                 row, np.sin(theta), np.cos(theta), np.sin(phi), np.cos(phi), slopes
@@ -159,7 +164,7 @@ def test_residual_is_the_distance_to_the_constraint() -> None:
     found = [
         coordinates(row, np.sin(h[0]), np.cos(h[0]), np.sin(h[1]), np.cos(h[1]), slopes)[0]
         for h, pair in zip(headings, angles, strict=True)
-        for row in bearing_rows(*pair.T)
+        for row in np.ascontiguousarray(sines_and_cosines(*pair.T).T)
     ]
     # four normals of 1e-3, each along one direction of the gradient: one normal of 1e-3
     assert np.std(found) == pytest.approx(1e-3, rel=SIGMAS / np.sqrt(2 * len(found)) + 0.01)
@@ -168,7 +173,7 @@ def test_residual_is_the_distance_to_the_constraint() -> None:
 def test_meet_equals_coordinates() -> None:
     """The loop without branches computes the same."""
     c = random_correspondences(203)
-    rows = bearing_table(c)
+    rows = np.ascontiguousarray(bearing_columns(c).T)
     n = len(c)
     for theta, phi in np.random.default_rng(2).uniform(0, TWO_PI, (10, 2)):
         residuals, halves, by_theta, by_phi = np.empty((4, n))
@@ -191,9 +196,9 @@ def test_shape_cells_equal_their_naive_twin() -> None:
     found = [shape_cell(np.tan(a[1]), np.tan(a[3])) for a in angles]
     assert found == [naive.shape(a) for a in angles]
     assert len(set(found)) > 0.5 * SHAPE_CELLS
-    rows = bearing_rows(*angles.T)
+    columns = sines_and_cosines(*angles.T)
     # the tangents differ in their last bits; points next to an edge may fall to either side
-    assert (LikelihoodTable.shapes(rows) == found).mean() > 0.99
+    assert (LikelihoodTable.shapes(columns) == found).mean() > 0.99
 
 
 @pytest.mark.parametrize("name", EDGES)
@@ -203,8 +208,8 @@ def test_shape_cells_at_the_edges(name: str) -> None:
     assert 0 <= cell < SHAPE_CELLS
     assert shape_cell(np.tan(right), np.tan(left)) == cell
     assert shape_cell(-np.tan(left), -np.tan(right)) == cell
-    rows = bearing_rows(*(np.array([x]) for x in (1.0, left, 2.0, right)))
-    assert LikelihoodTable.shapes(rows)[0] == cell
+    columns = sines_and_cosines(*(np.array([x]) for x in (1.0, left, 2.0, right)))
+    assert LikelihoodTable.shapes(columns)[0] == cell
     assert cell // ELEVATION_CELLS < RATIO_CELLS
 
 
@@ -215,7 +220,7 @@ def test_describe_gives_sines_and_cosines() -> None:
     slopes[:, 1::2] = np.tan(angles[:, 1::2])
     out = np.empty((50, 8))
     describe(slopes, out)
-    assert out == pytest.approx(bearing_rows(*angles.T), abs=1e-12)
+    assert out == pytest.approx(sines_and_cosines(*angles.T).T, abs=1e-12)
 
 
 def test_agreement_equals_its_naive_twin() -> None:
@@ -231,7 +236,9 @@ def test_mean_parallax_equals_its_naive_twin() -> None:
     for seed in range(20):
         c, headings = noisy(0.5, 30, seed)
         for pose in (headings, headings + 0.1):
-            found = mean_parallax(bearing_table(c), *pose, parallax_lookup(), 0.03)
+            found = mean_parallax(
+                np.ascontiguousarray(bearing_columns(c).T), *pose, parallax_lookup(), 0.03
+            )
             assert found == pytest.approx(naive.mean_parallax(angles_of(c), *pose, 0.03), abs=1e-9)
             seen.append(found)
     assert mean_parallax(np.empty((0, 8)), 0.0, 0.0, parallax_lookup(), 0.03) == 0.0
@@ -326,10 +333,9 @@ def test_log_likelihood_is_finite_at_the_edges(default_table: LikelihoodTable, n
 
 def ratios_of(table: LikelihoodTable, angles: np.ndarray, poses: np.ndarray) -> np.ndarray:
     """Give each correspondence's ratio of true match to mismatch at a pose of its own."""
-    rows, n = bearing_rows(*angles.T), len(angles)
+    columns, n = sines_and_cosines(*angles.T), len(angles)
     out = np.empty(n)
-    columns = np.ascontiguousarray(rows.T)
-    pairs = PairArrays(columns, table.shapes(rows), np.ones(n), np.arange(n + 1))
+    pairs = PairArrays(columns, table.shapes(columns), np.ones(n), np.arange(n + 1))
     score(pairs, np.ascontiguousarray(poses), np.arange(n), table.arrays, out)
     return np.exp(out) - 1.0
 
@@ -363,11 +369,11 @@ def climbed(
     table: LikelihoodTable, pairs: list[Correspondences], poses: np.ndarray, owners, steps: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Give the poses after so many steps, their values before the last one, and informations."""
-    rows = np.concatenate([bearing_table(c) for c in pairs])
+    columns = np.concatenate([bearing_columns(c) for c in pairs], axis=1)
     moved, value, information = poses.copy(), np.empty(len(poses)), np.empty((len(poses), 5))
     arrays = PairArrays(
-        np.ascontiguousarray(rows.T),
-        table.shapes(rows),
+        columns,
+        table.shapes(columns),
         np.concatenate([table.odds(c) for c in pairs]),
         np.cumsum([0, *map(len, pairs)]),
     )

@@ -11,7 +11,7 @@ from test_posterior import turn_on_the_spot
 
 from pflut.correspondences import Correspondences
 from pflut.geometry import bearing_angles, relative_headings, wrap_to_2pi, wrap_to_pi
-from pflut.likelihood.table import bearing_table
+from pflut.likelihood.table import bearing_columns
 from pflut.relpose.estimate import CUTOFFS
 from pflut.relpose.kernels import refine
 from pflut.relpose.ransac import ransac_headings, ransac_relative_pose
@@ -66,7 +66,9 @@ def prepared(c: Correspondences, seed: int = 0) -> tuple[np.ndarray, np.ndarray]
     rows = np.full((NUM_ROWS, -(-n // BLOCK) * BLOCK), np.nan)
     pool = np.empty(n, np.int64)
     with np.errstate(over="ignore"):
-        size = prepare(bearing_table(c), np.array([seed], np.uint64), rows, pool)
+        size = prepare(
+            np.ascontiguousarray(bearing_columns(c).T), np.array([seed], np.uint64), rows, pool
+        )
     return rows, pool[:size]
 
 
@@ -173,9 +175,7 @@ def test_refinement_is_that_of_the_estimate() -> None:
         information, wanted = np.zeros(4), np.zeros(4)
         for cutoff in 0.01 * CUTOFFS:
             inliers = refine_model(rows, len(c), cutoff, 8, found, information)
-        assert inliers == refine(
-            np.ascontiguousarray(bearing_table(c).T), 0.01 * CUTOFFS, 8, expected, wanted
-        )
+        assert inliers == refine(bearing_columns(c), 0.01 * CUTOFFS, 8, expected, wanted)
         assert found == pytest.approx(expected, abs=1e-8)
         assert information == pytest.approx(wanted, rel=1e-5)
 

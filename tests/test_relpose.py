@@ -11,7 +11,7 @@ from test_posterior import turn_on_the_spot
 from pflut.correspondences import Correspondences
 from pflut.geometry import bearing_angles, relative_headings, wrap_to_2pi, wrap_to_pi
 from pflut.likelihood.dense import DenseTable
-from pflut.likelihood.table import LikelihoodTable, bearing_table
+from pflut.likelihood.table import LikelihoodTable, bearing_columns
 from pflut.posterior import pose_posterior
 from pflut.relpose.estimate import (
     BIWEIGHT_SPREAD,
@@ -37,7 +37,7 @@ def angles_of(c: Correspondences) -> np.ndarray:
 
 
 def columns_of(c: Correspondences) -> np.ndarray:
-    return np.ascontiguousarray(bearing_table(c).T)
+    return bearing_columns(c)
 
 
 def errors(estimate, theta: float, phi: float) -> np.ndarray:
@@ -49,7 +49,7 @@ def errors(estimate, theta: float, phi: float) -> np.ndarray:
 
 def test_residual_equals_its_naive_twin() -> None:
     c, *_ = CorrespondenceSimulator(mismatch=0.5).pair(300, 0)
-    rows, angles = bearing_table(c), angles_of(c)
+    rows, angles = bearing_columns(c).T, angles_of(c)
     out = np.empty(3)
     checked = 0
     for (theta, phi), row, bearing in zip(
@@ -76,7 +76,7 @@ def test_residual_equals_its_naive_twin() -> None:
 def test_residual_is_finite_at_horizon_and_zenith(elevation: float) -> None:
     c = Correspondences([1.0, 1.0], [elevation, 0.3], [2.0, 2.0], [elevation, elevation])
     out = np.empty(3)
-    for row in bearing_table(c):
+    for row in bearing_columns(c).T:
         for theta in (1.0, 2.0, 1.0 + np.pi):
             _residual(row, np.sin(theta), np.cos(theta), np.sin(2.0), np.cos(2.0), out)
             assert np.isfinite(out).all()
@@ -238,8 +238,8 @@ def several_references(
             azimuth, elevation = bearing_angles(vector)
             spread = noise * rng.normal(size=(2, n))
             views += [azimuth - viewer[2] + spread[0] / np.cos(elevation), elevation + spread[1]]
-        rows.append(bearing_table(Correspondences(*views)))
-    return np.concatenate(rows), np.repeat(np.arange(len(references)), n)
+        rows.append(bearing_columns(Correspondences(*views)).T)
+    return np.ascontiguousarray(np.concatenate(rows)), np.repeat(np.arange(len(references)), n)
 
 
 REFERENCES = np.array([[-1.0, -1.0, 0.3], [1.5, -0.5, 2.0], [0.2, 1.6, -2.5]])

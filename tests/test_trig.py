@@ -1,4 +1,4 @@
-"""The fast arctangent against the C library's."""
+"""The fast trigonometry against the C library's."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pflut._jit import jit
-from pflut._trig import fast_arctan2
+from pflut._trig import fast_arctan2, fast_sincos
 
 ACCURACY = 2e-9
 
@@ -64,3 +64,25 @@ def test_axes_are_exact_and_the_range_is_half_open(y: float, x: float, expected:
 def test_odd_in_y() -> None:
     y, x = np.random.default_rng(0).normal(size=(2, 1000))
     assert (fast(-y, x) == -fast(y, x)).all()
+
+
+@jit
+def sincos_over(angles, out):
+    for i in range(angles.size):
+        out[0, i], out[1, i] = fast_sincos(angles[i])
+
+
+def test_sine_and_cosine_are_accurate_over_some_turns() -> None:
+    quarters = np.arange(-20, 21) * np.pi / 2
+    for angles in (
+        np.linspace(-30.0, 30.0, 400_001),
+        np.concatenate([quarters, np.nextafter(quarters, 99.0), np.nextafter(quarters, -99.0)]),
+        quarters / 2,
+    ):
+        out = np.empty((2, angles.size))
+        sincos_over(angles, out)
+        # the angles' own rounding, a ulp, is at most as large
+        assert np.abs(out - [np.sin(angles), np.cos(angles)]).max() < 4e-15
+    out = np.empty((2, 1))
+    sincos_over(np.zeros(1), out)
+    assert out.tolist() == [[0.0], [1.0]]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pflut._jit import jit
+from pflut._trig import fast_sincos
 from pflut.geometry import TWO_PI
 from pflut.likelihood.axes import (
     ELEVATION_CELLS,
@@ -245,11 +246,27 @@ def count_chance(slopes, state, draws, lookup, band, bearings, inside, profile):
 
 
 @jit
-def shape_cells(bearings, out):  # type: ignore[no-untyped-def]
-    """Give the cells of (ratio, elevation) of correspondences ``bearings`` (n, 8): ``out`` (n,)."""
-    for i in range(bearings.shape[0]):
-        cos_l, cos_r = max(bearings[i, 3], 1e-9), max(bearings[i, 7], 1e-9)
-        out[i] = shape_cell(bearings[i, 2] / cos_l, bearings[i, 6] / cos_r)
+def _sines_cosines(angles, sines, cosines):  # type: ignore[no-untyped-def]
+    """Compute sines and cosines of angles (n,); the loop is vectorised."""
+    for i in range(angles.size):
+        sines[i], cosines[i] = fast_sincos(angles[i])
+
+
+@jit
+def sines_cosines(azimuth_l, elevation_l, azimuth_r, elevation_r, out):  # type: ignore[no-untyped-def]
+    """Write sines and cosines of each of four arrays (n,) of radians in turn: ``out`` (8, n)."""
+    _sines_cosines(azimuth_l, out[0], out[1])
+    _sines_cosines(elevation_l, out[2], out[3])
+    _sines_cosines(azimuth_r, out[4], out[5])
+    _sines_cosines(elevation_r, out[6], out[7])
+
+
+@jit
+def shape_cells(columns, out):  # type: ignore[no-untyped-def]
+    """Give the cells of (ratio, elevation) of correspondences ``columns`` (8, n): ``out`` (n,)."""
+    for i in range(out.size):
+        cos_l, cos_r = max(columns[3, i], 1e-9), max(columns[7, i], 1e-9)
+        out[i] = shape_cell(columns[2, i] / cos_l, columns[6, i] / cos_r)
 
 
 @jit

@@ -4,7 +4,7 @@ In each row of the grid (a heading of the view that is nearer to the landmark) t
 sin v = -r sin u crosses once, or twice where |r| is near 1. The cells around the crossing get one
 of few profiles, made beforehand (`ridges`): by how fast the residual grows from cell to cell,
 where within its cell the curve crosses, and how probable the landmark is there. A row costs one
-addition of eight numbers, or a few.
+addition of sixteen numbers of 16 bits, or three.
 """
 
 from __future__ import annotations
@@ -14,22 +14,29 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pflut._jit import jit
-from pflut._lanes import LANES, add_lanes, add_transposed
+from pflut._jit import inline, jit
+from pflut._lanes import HALF, LANES, add_lanes, add_scaled, add_transposed
 from pflut._trig import fast_arctan2
 from pflut.geometry import TWO_PI
 
 SUBCELLS = 8
 """Places within a cell where a curve may cross; the kernel takes them from an integer's bits."""
-WIDTH = 5 * LANES
-"""Cells of a profile: the block of eight around the crossing, and two on either side."""
-MIDDLE = 2 * LANES
-"""Where the middle block begins; its fourth cell holds the crossing."""
-LEFT = MIDDLE + LANES
+SUBCELL_BITS = 3
+MIDDLE = 7
+"""The lane of a profile's middle block in which the curve crosses."""
+BLOCKS = 3
+"""Blocks of a profile: the middle one, the one before and the one after it."""
+LEFT = 2 * LANES
 """Columns before the grid's first one, into which profiles run; folded back at the end."""
 PAD = 2 * LEFT
 """Columns that a plane has beyond the grid's."""
-LEVEL_STEPS = 512
+NATS = 1.0 / 128.0
+"""What a unit of a profile, and of a plane, is worth."""
+FULL = 65535
+"""The largest number in a plane."""
+LEVEL_MIN, LEVEL_STEP, NUM_LEVELS = -3.0, 0.25, 48
+"""Levels of log(odds times density times the profile's height)."""
+LEVEL_STEPS = 256
 """Steps of the parallax from LEVEL_FROM to pi, in which a landmark's level is looked up."""
 LEVEL_FROM = -0.3125
 GROWTH_OCTAVES = 5
@@ -43,11 +50,9 @@ FLAT = 0.2
 width of a ridge."""
 MERGED = 1.35
 """Radians from the baseline beyond which the two branches share a ridge."""
+STEP_BITS, COLUMN_BITS = 10, 11
+"""Of the numbers of an address; the profile's come first."""
 HALF_PI = 0.5 * np.pi
-BAND = 32
-"""Rows that stay in the first-level cache while a chunk of correspondences is added."""
-CHUNK = 32
-"""Correspondences whose crossings are kept at a time."""
 
 
 class RidgeArrays(NamedTuple):
@@ -55,9 +60,9 @@ class RidgeArrays(NamedTuple):
 
     Parameters
     ----------
-    sines, cosines : ndarray of shape (B,), float32
-        Of the cells' headings.
-    levels : ndarray of shape (shapes, LEVEL_STEPS + 1), int16
+    turns : ndarray of shape (2, B), float32
+        Sines and cosines of the cells' headings.
+    levels : ndarray of shape (shapes, LEVEL_STEPS + 1), int8
         How probable a landmark is at a parallax, in steps, at even odds.
     highest : ndarray of shape (shapes,), int64
         Of the levels.
@@ -65,23 +70,26 @@ class RidgeArrays(NamedTuple):
         By how much lines of sight may diverge, radians.
     bases : ndarray of shape (shapes,), int32
         First profile of each kind of elevation.
-    near_by : float32
-        Growth of the residual below which a profile is wider than its middle block.
+    wide : int
+        Profiles of a kind that are wider than their middle block: the first ones.
+    peaks : ndarray of shape (NUM_LEVELS,), int64
+        The most that a level's profiles add to a cell.
     size : int
-        Numbers from one level's profiles to the next's.
-    profiles : ndarray of float32
-        Log-likelihood ratios: (levels, kinds, growths, SUBCELLS, WIDTH) in a row.
+        Numbers from one level's blocks to the next's.
+    profiles : ndarray of uint16
+        Log-likelihood ratios in units of NATS: (BLOCKS, NUM_LEVELS, kinds, growths, SUBCELLS,
+        LANES) in a row.
     """
 
-    sines: NDArray[np.float32]
-    cosines: NDArray[np.float32]
-    levels: NDArray[np.int16]
+    turns: NDArray[np.float32]
+    levels: NDArray[np.int8]
     highest: NDArray[np.int64]
     reach: NDArray[np.float64]
     bases: NDArray[np.int32]
-    near_by: np.float32
+    wide: int
+    peaks: NDArray[np.int64]
     size: int
-    profiles: NDArray[np.float32]
+    profiles: NDArray[np.uint16]
 
 
 class Candidates(NamedTuple):
@@ -92,11 +100,11 @@ class Candidates(NamedTuple):
     poses : ndarray of shape (m, 2)
         Headings, radians.
     values : ndarray of shape (m,)
-        Of the grid, but for a constant of the pair.
+        Of the grid.
     owners : ndarray of shape (m,), int64
         The pairs, ascending; each has one at least.
     evidence : ndarray of shape (pairs,)
-        Log of the mean of each grid's exponentials, but for the same constant.
+        Log of the mean of each grid's exponentials.
     """
 
     poses: NDArray[np.float64]
@@ -105,60 +113,53 @@ class Candidates(NamedTuple):
     evidence: NDArray[np.float64]
 
 
-class Scratch(NamedTuple):
-    """Memory that the kernels work in.
+@jit
+def _line(columns, i, bins, line):  # type: ignore[no-untyped-def]
+    """Describe a correspondence's curve, sin v = -r sin u.
 
-    Parameters
-    ----------
-    planes : ndarray of shape (2, B (B + PAD)), float32
-    line : ndarray of shape (8,), float32
-    parts : ndarray of shape (4, CHUNK), int64
-    growths : ndarray of shape (CHUNK, B), float32
-    bits : ndarray of shape (CHUNK, B), int32
-        The memory of ``growths``.
-    integers : ndarray of shape (3, CHUNK, B), int32
+    Gives the nearer view, 0 for L and 1 for R, and the ratio r. Where both points lie on the
+    horizon r is NaN. ``columns`` (8, n) sines and cosines. Out, ``line`` (8,) float32: azimuths of
+    the near view and of the far view, in rows and columns of the grid; sine and cosine of the
+    near one; the factors of sin u and sin v in the constraint; the gradient's coefficient; cells
+    a turn.
     """
-
-    planes: NDArray[np.float32]
-    line: NDArray[np.float32]
-    parts: NDArray[np.int64]
-    growths: NDArray[np.float32]
-    bits: NDArray[np.int32]
-    integers: NDArray[np.int32]
-
-
-def make_scratch(bins: int) -> Scratch:
-    """Allocate the kernels' memory for grids of so many bins."""
-    growths = np.empty((CHUNK, bins), np.float32)
-    return Scratch(
-        planes=np.empty((2, bins * (bins + PAD)), np.float32),
-        line=np.empty(8, np.float32),
-        parts=np.empty((4, CHUNK), np.int64),
-        growths=growths,
-        bits=growths.view(np.int32),
-        integers=np.empty((3, CHUNK, bins), np.int32),
-    )
+    sin_l, cos_l, sin_r, cos_r = columns[2, i], columns[3, i], columns[6, i], columns[7, i]
+    p, q = sin_r * cos_l, sin_l * cos_r
+    view = 0
+    if abs(p) > abs(q):
+        p, q = q, p
+        view = 1
+    # what a float32 cannot hold is on the horizon
+    r = p / q if abs(q) > 1e-30 else np.nan
+    cells = bins / TWO_PI
+    sine, cosine = columns[4 * view, i], columns[4 * view + 1, i]
+    near = fast_arctan2(sine, cosine)
+    far = fast_arctan2(columns[4 - 4 * view, i], columns[5 - 4 * view, i])
+    both, height = cos_l * cos_r, sin_l * sin_r
+    # headings are those of the cells' centres, places are rounded to the nearest
+    line[0] = near * cells - 0.5
+    line[1] = far * cells - 0.5 + 0.5 / SUBCELLS
+    line[2], line[3], line[4], line[5] = sine, cosine, p, q
+    line[6] = (both * r + height) ** 2 + (both + height * r) ** 2 - 2.0 * p * p
+    line[7] = bins
+    return view, r
 
 
 @jit
-def _crossings(line, sines, cosines, growths, places, steps):  # type: ignore[no-untyped-def]
-    """Find where a curve's acute branch crosses the rows, and what decides on the profile.
+def _crossings(line, turns, rows, crossings):  # type: ignore[no-untyped-def]
+    """Find where the acute branch crosses the first ``rows`` of the grid; vectorised.
 
-    ``line`` (8,) float32: azimuths of the near view (of its row 0) and of the far view in cells;
-    sine and cosine of the near one; the factors of sin u and sin v in the constraint; the
-    gradient's coefficient; cells a turn. ``sines``, ``cosines`` (B,) float32 of the rows'
-    headings. Out, (B,): ``growths`` float32 of the residual along the row, radians a radian; int32
-    ``places`` of the crossing in 1 / SUBCELLS of a cell, ``steps`` of the parallax. The loop is
-    vectorised.
+    ``line`` of `_line`, ``turns`` of `RidgeArrays`. Out, ``crossings`` (3, rows) float32: growth
+    of the residual along the row, radians a radian; column, counted from the far view's azimuth;
+    parallax in a row that looks along the near view's azimuth, radians.
     """
-    near, far, sine, cosine = line[0], line[1], line[2], line[3]
-    p, q, c, turn = line[4], line[5], line[6], line[7]
+    sine, cosine, p, q, c, turn = line[2], line[3], line[4], line[5], line[6], line[7]
     one, half, zero, pi = np.float32(1.0), np.float32(0.5), np.float32(0.0), np.float32(np.pi)
     cells = turn * np.float32(1.0 / TWO_PI)
-    r = p / q
+    r, steep = p / q, abs(q)
     constant = p * p + q * q + np.float32(1e-20)
-    scale = np.float32(LEVEL_STEPS / (np.pi - LEVEL_FROM))
-    for i in range(sines.size):
+    sines, cosines = turns[0], turns[1]
+    for i in range(rows):
         sin_u = sines[i] * cosine - cosines[i] * sine
         sin_v = -r * sin_u
         x = min(abs(sin_v), one)
@@ -172,86 +173,105 @@ def _crossings(line, sines, cosines, growths, places, steps):  # type: ignore[no
         a = a * x + np.float32(-0.2145988016)
         a = a * x + np.float32(1.5707963050)
         angle = np.float32(HALF_PI) - np.sqrt(one - x) * a
-        v = angle if sin_v > zero else -angle
-        norm = one / np.sqrt(constant + sin_u * sin_u * c)
-        growth = abs(q) * cos_v * norm
-        bend = abs(q) * x * norm
-        growth = max(growth, half * growth + np.float32(FLAT) * bend)
-        row = np.float32(i) - near
-        away = abs(row - turn * np.floor(row / turn + half))
-        gamma = pi - angle - away / cells
-        step = min(max((gamma - np.float32(LEVEL_FROM)) * scale, zero), np.float32(LEVEL_STEPS))
-        place = v * cells + far
-        place = place - turn * np.floor(place / turn)
-        growths[i] = min(max(growth, np.float32(0.5**GROWTH_OCTAVES)), one)
-        places[i] = np.int32(place * np.float32(SUBCELLS))
-        steps[i] = np.int32(step)
+        norm = steep / np.sqrt(constant + sin_u * sin_u * c)
+        growth = cos_v * norm
+        growth = max(growth, half * growth + np.float32(FLAT) * (x * norm))
+        crossings[0, i] = min(max(growth, np.float32(0.5**GROWTH_OCTAVES)), one)
+        crossings[1, i] = (angle if sin_v > zero else -angle) * cells
+        crossings[2, i] = pi - angle
 
 
 @jit
-def _obtuse(line, first, places, steps, other_places, other_steps):  # type: ignore[no-untyped-def]
-    """Find where the obtuse branch crosses the rows from ``first`` on; the loop is vectorised.
+def _addresses(line, first, last, half, side, base, crossings, bits, addresses):  # type: ignore[no-untyped-def]
+    """Find which profiles are added to the rows, and where; vectorised.
 
-    It mirrors the acute one, whose ``places`` and ``steps`` (n,) are given: their azimuths sum up
-    to half a turn. Out: ``other_places`` and ``other_steps`` (n,).
+    Of the acute branch with ``side`` 1; with -1 of the obtuse one, of which columns and parallaxes
+    are those of the acute one, taken from half a turn. ``crossings`` of `_crossings` and ``bits``,
+    the same memory as int32; ``base`` the first profile of the kind of elevation. Out,
+    ``addresses`` (2 half,) int32: number of the profile, column and step of the parallax, for the
+    rows from ``first`` to ``last`` and for those ``half`` rows on, where the curve is mirrored.
     """
-    near, far, turn = line[0], line[1], line[7]
-    half, zero = np.float32(0.5), np.float32(0.0)
-    cells = turn * np.float32(1.0 / TWO_PI)
-    scale = np.float32(LEVEL_STEPS / (np.pi - LEVEL_FROM))
-    # one step less: each was rounded down
-    whole = np.float32(np.pi - 2.0 * LEVEL_FROM) * scale - np.float32(1.0)
-    around = np.int32(turn) * np.int32(SUBCELLS)
-    mirror = np.int32((far * np.float32(2.0) + turn * np.float32(2.5)) * np.float32(SUBCELLS))
-    for i in range(places.size):
-        row = np.float32(first + i) - near
-        away = abs(row - turn * np.floor(row / turn + half))
-        step = whole - np.float32(2.0) * away / cells * scale - np.float32(steps[i])
-        place = mirror - places[i]
-        place -= around if place >= around else np.int32(0)
-        place -= around if place >= around else np.int32(0)
-        place -= around if place >= around else np.int32(0)
-        other_places[i] = min(max(place, np.int32(0)), around - np.int32(1))
-        other_steps[i] = np.int32(min(max(step, zero), np.float32(LEVEL_STEPS)))
-
-
-@jit
-def _addresses(base, bits, places, starts):  # type: ignore[no-untyped-def]
-    """Find where profiles begin; the loop is vectorised.
-
-    ``base`` the first profile of the correspondence's elevation, ``bits`` (n,) the growths' floats
-    as int32, ``places`` (n,). ``starts`` (n,) int32: the middle block of the lowest level.
-    """
-    for i in range(places.size):
-        growth = (bits[i] >> np.int32(GROWTH_BITS)) - np.int32(LEAST_GROWTH)
-        profile = base + growth * np.int32(SUBCELLS) + (places[i] & np.int32(SUBCELLS - 1))
-        starts[i] = profile * np.int32(WIDTH) + np.int32(MIDDLE)
-
-
-@jit
-def _stamp(growths, starts, places, steps, first, last, levels, shift, ridges, plane, stride):  # type: ignore[no-untyped-def]
-    """Add a profile to each of the rows from ``first`` to ``last`` of a plane.
-
-    ``growths``, ``places`` and ``steps`` of `_crossings`, ``starts`` of `_addresses`, (B,);
-    ``levels`` (LEVEL_STEPS + 1,) int16 of the landmark's probability, to which the correspondence
-    adds ``shift``, negative for none; ``ridges`` `RidgeArrays`; ``plane`` (B * stride,).
-    """
-    near_by, size, profiles = ridges.near_by, ridges.size, ridges.profiles
-    target = first * stride + LEFT - 3
+    near, turn = line[0], line[7]
+    zero, pi = np.float32(0.0), np.float32(np.pi)
+    turns, subcells = np.float32(1.0) / turn, np.float32(SUBCELLS)
+    scale, highest = np.float32(LEVEL_STEPS / (np.pi - LEVEL_FROM)), np.float32(LEVEL_STEPS)
+    middle = line[1] + (np.float32(0.5) * turn if side < zero else zero)
+    start = (pi if side < zero else zero) - np.float32(LEVEL_FROM)
     for i in range(first, last):
-        level = np.int64(levels[np.uintp(steps[np.uintp(i)])]) + shift
+        away = np.float32(i) - near
+        away = abs(away * turns - np.floor(away * turns + np.float32(0.5))) * np.float32(TWO_PI)
+        parallax = start + side * crossings[2, i]
+        growth = (bits[0, i] >> np.int32(GROWTH_BITS)) - np.int32(LEAST_GROWTH)
+        profile = base + growth * np.int32(SUBCELLS)
+        place, mirrored = middle + side * crossings[1, i], middle - side * crossings[1, i]
+        own = np.int32((place - turn * np.floor(place * turns)) * subcells)
+        twin = np.int32((mirrored - turn * np.floor(mirrored * turns)) * subcells)
+        own_step = np.int32(min(max((parallax - away) * scale, zero), highest))
+        twin_step = np.int32(min(max((parallax + away - pi) * scale, zero), highest))
+        # the twin first: of an odd number of rows there are no twins, and their place is free
+        addresses[np.uintp(half + i)] = (
+            ((profile + (twin & np.int32(SUBCELLS - 1))) << np.int32(STEP_BITS + COLUMN_BITS))
+            + ((twin >> np.int32(SUBCELL_BITS)) << np.int32(STEP_BITS))
+            + twin_step
+        )
+        addresses[np.uintp(i)] = (
+            ((profile + (own & np.int32(SUBCELLS - 1))) << np.int32(STEP_BITS + COLUMN_BITS))
+            + ((own >> np.int32(SUBCELL_BITS)) << np.int32(STEP_BITS))
+            + own_step
+        )
+
+
+@jit
+def _stamp(addresses, first, last, shape, shift, ridges, plane, stride):  # type: ignore[no-untyped-def]
+    """Add a profile to each of the rows from ``first`` to ``last`` of a plane (B * stride,).
+
+    ``addresses`` of `_addresses`; ``shift`` the levels by which the odds of the correspondence
+    change those of its ``shape``: where the sum is negative there is nothing to add.
+    """
+    profiles, levels, size = ridges.profiles, ridges.levels, ridges.size
+    wide, next_block = ridges.bases[shape] + ridges.wide, ridges.size * NUM_LEVELS
+    target = first * stride + LEFT - MIDDLE
+    for i in range(first, last):
+        address = np.int64(addresses[np.uintp(i)])
+        level = np.int64(levels[shape, np.uintp(address & ((1 << STEP_BITS) - 1))]) + shift
         if level >= 0:
-            start = np.int64(starts[np.uintp(i)]) + level * size
-            at = target + (np.int64(places[np.uintp(i)]) >> 3)
+            profile = address >> (STEP_BITS + COLUMN_BITS)
+            start = profile * LANES + level * size
+            at = target + ((address >> STEP_BITS) & ((1 << COLUMN_BITS) - 1))
             add_lanes(plane, at, profiles, start)
-            growth = growths[np.uintp(i)]
-            if growth < near_by:
-                add_lanes(plane, at - LANES, profiles, start - LANES)
-                add_lanes(plane, at + LANES, profiles, start + LANES)
-                if growth < np.float32(3.0 / 11.0) * near_by:
-                    add_lanes(plane, at - 2 * LANES, profiles, start - 2 * LANES)
-                    add_lanes(plane, at + 2 * LANES, profiles, start + 2 * LANES)
+            if profile < wide:
+                add_lanes(plane, at - LANES, profiles, start + next_block)
+                add_lanes(plane, at + LANES, profiles, start + 2 * next_block)
         target += stride
+
+
+@inline
+def _add_ridge(line, r, shape, shift, ridges, crossings, bits, addresses, plane, stride):  # type: ignore[no-untyped-def]
+    """Add a correspondence's ridge to the plane of its near view.
+
+    ``line`` and ``r`` of `_line`, ``shift`` of the levels; ``crossings`` with its ``bits`` and
+    ``addresses`` are memory to work in.
+    """
+    bins = ridges.turns.shape[1]
+    half, base = addresses.size // 2, ridges.bases[shape]
+    _crossings(line, ridges.turns, half, crossings)
+    _addresses(line, 0, half, half, np.float32(1.0), base, crossings, bits, addresses)
+    _stamp(addresses, 0, bins, shape, shift, ridges, plane, stride)
+    if not r > 0.0:
+        return
+    # the obtuse branch: its lines of sight diverge by at least (1 - r) |u|
+    limit = min(ridges.reach[shape] / max(1.0 - r, 1e-9), MERGED) * bins / TWO_PI
+    low, high = int(np.ceil(line[0] - limit)), int(np.floor(line[0] + limit)) + 1
+    if low >= high:
+        return
+    for piece in range(low // half, (high - 1) // half + 1):
+        # rows that are in the same half of the grid, or in the grid
+        row = piece * half % bins
+        first, last = max(low - piece * half, 0), min(high - piece * half, half)
+        start = first - first % LANES
+        end = min(last + LANES - 1 - (last - 1) % LANES, half)
+        _addresses(line, start, end, half, np.float32(-1.0), base, crossings, bits, addresses)
+        _stamp(addresses, row + first, row + last, shape, shift, ridges, plane, stride)
 
 
 @jit
@@ -270,139 +290,102 @@ def _fold(plane, bins, stride):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _join(own, other, bins, stride, out):  # type: ignore[no-untyped-def]
-    """Add two folded planes to ``out`` (B * B,): one as it is, the other one transposed."""
-    whole = bins - bins % LANES
-    for i in range(bins):
-        for j in range(0, whole, LANES):
-            add_lanes(out, i * bins + j, own, i * stride + LEFT + j)
-        for j in range(whole, bins):
-            out[i * bins + j] += own[i * stride + LEFT + j]
-    for i in range(0, whole, LANES):
-        for j in range(0, whole, LANES):
-            add_transposed(out, j * bins + i, bins, other, i * stride + LEFT + j, stride)
-    for j in range(bins):
-        for i in range(whole if j < whole else 0, bins):
-            out[j * bins + i] += other[i * stride + LEFT + j]
+def _join(plane, bins, stride, transposed, out):  # type: ignore[no-untyped-def]
+    """Add a folded plane to ``out`` (B * B,), in nats, as it is or transposed."""
+    whole, unit = bins - bins % HALF, np.float32(NATS)
+    if transposed:
+        for j in range(0, whole, HALF):
+            for i in range(0, whole, HALF):
+                add_transposed(out, j * bins + i, bins, plane, i * stride + LEFT + j, stride, unit)
+        for j in range(bins):
+            for i in range(whole if j < whole else 0, bins):
+                out[j * bins + i] += unit * np.float32(plane[i * stride + LEFT + j])
+    else:
+        for i in range(bins):
+            row, first = i * bins, i * stride + LEFT
+            for j in range(0, whole, HALF):
+                add_scaled(out, row + j, plane, first + j, unit)
+            for j in range(whole, bins):
+                out[row + j] += unit * np.float32(plane[first + j])
 
 
 @jit
-def _line(bearing, bins, line):  # type: ignore[no-untyped-def]
-    """Describe a correspondence's curve for `_crossings`.
-
-    Gives the nearer view, 0 for L and 1 for R, the ratio r, and the nearer view's azimuth.
-    ``bearing`` (8,) sines and cosines. Where both points lie on the horizon r is NaN.
-    """
-    sin_l, cos_l, sin_r, cos_r = bearing[2], bearing[3], bearing[6], bearing[7]
-    p, q = sin_r * cos_l, sin_l * cos_r
-    view = 0
-    if abs(p) > abs(q):
-        p, q = q, p
-        view = 1
-    # what a float32 cannot hold is on the horizon
-    r = p / q if abs(q) > 1e-30 else np.nan
-    cells = bins / TWO_PI
-    sine, cosine = bearing[4 * view], bearing[4 * view + 1]
-    near = fast_arctan2(sine, cosine)
-    far = fast_arctan2(bearing[4 - 4 * view], bearing[5 - 4 * view])
-    both, height = cos_l * cos_r, sin_l * sin_r
-    # headings are those of the cells' centres, places are rounded to the nearest
-    line[0] = near * cells - 0.5
-    line[1] = far * cells - 0.5 + 0.5 / SUBCELLS
-    line[2], line[3], line[4], line[5] = sine, cosine, p, q
-    line[6] = (both * r + height) ** 2 + (both + height * r) ** 2 - 2.0 * p * p
-    line[7] = bins
-    return view, r, near
-
-
-@jit
-def ridge_grid(bearings, shapes, shifts, constant, ridges, scratch, out):  # type: ignore[no-untyped-def]
+def ridge_grid(columns, shapes, odds, first, last, ridges, out):  # type: ignore[no-untyped-def]
     """Compute the log-likelihood ratio of one pair over the grid of poses: O(n B).
 
-    ``bearings`` (n, 8) sines and cosines of azimuth_l, elevation_l, azimuth_r, elevation_r,
-    ``shapes`` (n,) of `shape_cells`, ``shifts`` (n,) of the levels by each correspondence's odds;
-    ``constant`` float32 is added to every cell; ``ridges`` `RidgeArrays`, ``scratch`` `Scratch`.
-    ``out`` (B * B,) float32.
+    ``columns`` (8, n) sines and cosines of azimuth_l, elevation_l, azimuth_r, elevation_r,
+    ``shapes`` (n,) of `shape_cells`, ``odds`` (n,) of being a true match, of which those from
+    ``first`` to ``last`` are the pair's; ``ridges`` `RidgeArrays`. ``out`` (B * B,) float32.
     """
-    bins = ridges.sines.size
-    stride = bins + PAD
-    cells = bins / TWO_PI
-    planes, line, growths, bits = scratch.planes, scratch.line, scratch.growths, scratch.bits
-    starts, places, steps = scratch.integers[0], scratch.integers[1], scratch.integers[2]
-    parts = scratch.parts
-    owners, views, firsts, lasts = parts[0], parts[1], parts[2], parts[3]
-    planes[:] = 0.0
+    n, bins = last - first, ridges.turns.shape[1]
+    lines, ratios = np.empty((n, 8), np.float32), np.empty(n)
+    views, shifts = np.empty(n, np.int64), np.empty(n, np.int64)
+    constant = rest = 0.0
+    shift = np.int64(0)
+    for i in range(n):
+        views[i], ratios[i] = _line(columns, first + i, bins, lines[i])
+        one = odds[first + i]
+        if i == 0 or one != odds[first + i - 1]:
+            rest = np.log1p(one)
+            shift = np.int64(np.rint(np.log(one) / LEVEL_STEP))
+        constant -= rest
+        highest = ridges.highest[shapes[first + i]]
+        # the highest level of a shape must stay within the profiles
+        shifts[i] = min(shift, NUM_LEVELS - 1 - highest)
+        if highest + shift < 0 or ratios[i] != ratios[i]:
+            views[i] = -1
     out[:] = constant
-    n = bearings.shape[0]
-    i = 0
-    while i < n:
-        # the crossings of a chunk of correspondences: an acute branch, and parts of an obtuse one
-        chunk = acute = 0
-        while i < n and chunk + 3 <= CHUNK:
-            shape = shapes[i]
-            view, r, near = _line(bearings[i], bins, line)
-            may_be = ridges.highest[shape] + shifts[i] >= 0
-            if may_be and r == r:
-                owners[chunk], views[chunk], firsts[chunk], lasts[chunk] = i, view, 0, bins
-                acute = chunk
-                _crossings(
-                    line,
-                    ridges.sines,
-                    ridges.cosines,
-                    growths[chunk],
-                    places[chunk],
-                    steps[chunk],
-                )
-                _addresses(ridges.bases[shape], bits[chunk], places[chunk], starts[chunk])
-                chunk += 1
-            if may_be and r > 0.0:
-                # its lines of sight diverge by at least (1 - r) |u|
-                limit = min(ridges.reach[shape] / max(1.0 - r, 1e-9), MERGED)
-                low = int(np.ceil((near - limit) * cells - 0.5))
-                high = int(np.floor((near + limit) * cells - 0.5)) + 1
-                for turn in range(-bins, bins + 1, bins):
-                    first, last = max(low + turn, 0), min(high + turn, bins)
-                    if first < last:
-                        owners[chunk], views[chunk] = i, view
-                        firsts[chunk], lasts[chunk] = first, last
-                        _obtuse(
-                            line,
-                            first,
-                            places[acute, first:last],
-                            steps[acute, first:last],
-                            places[chunk, first:last],
-                            steps[chunk, first:last],
-                        )
-                        growths[chunk, first:last] = growths[acute, first:last]
-                        _addresses(
-                            ridges.bases[shape],
-                            bits[acute, first:last],
-                            places[chunk, first:last],
-                            starts[chunk, first:last],
-                        )
-                        chunk += 1
-            i += 1
-        for view in range(2):
-            for row in range(0, bins, BAND):
-                end = min(row + BAND, bins)
-                for k in range(chunk):
-                    if views[k] == view and firsts[k] < end and lasts[k] > row:
-                        _stamp(
-                            growths[k],
-                            starts[k],
-                            places[k],
-                            steps[k],
-                            max(row, firsts[k]),
-                            min(end, lasts[k]),
-                            ridges.levels[shapes[owners[k]]],
-                            shifts[owners[k]],
-                            ridges,
-                            planes[view],
-                            stride,
-                        )
-    _fold(planes[0], bins, stride)
-    _fold(planes[1], bins, stride)
-    _join(planes[0], planes[1], bins, stride, out)
+    # half a turn farther on a curve is mirrored
+    half = bins // 2 if bins % 2 == 0 else bins
+    stride = bins + PAD
+    crossings, addresses = np.empty((3, half), np.float32), np.empty(2 * half, np.int32)
+    bits = crossings.view(np.int32)
+    plane = np.empty(bins * stride, np.uint16)
+    for view in range(2):
+        load = 0
+        for i in range(n):
+            if views[i] != view:
+                continue
+            # both branches may come into the same cell
+            shape = shapes[first + i]
+            peak = 2 * ridges.peaks[ridges.highest[shape] + shifts[i]]
+            if load + peak > FULL:
+                _fold(plane, bins, stride)
+                _join(plane, bins, stride, view == 1, out)
+                load = 0
+            if load == 0:
+                plane[:] = 0
+            load += peak
+            _add_ridge(
+                lines[i],
+                ratios[i],
+                shape,
+                shifts[i],
+                ridges,
+                crossings,
+                bits,
+                addresses,
+                plane,
+                stride,
+            )
+        if load > 0:
+            _fold(plane, bins, stride)
+            _join(plane, bins, stride, view == 1, out)
+
+
+@jit
+def _largest(bits, first, last, floats):  # type: ignore[no-untyped-def]
+    """Give the largest of the floats whose bits those of an int32 array are; vectorised.
+
+    Integers order positive floats as these do, and negative ones once all but the sign is turned.
+    ``floats`` (1,) float32 is memory to work in.
+    """
+    largest = np.int32(-(2**31))
+    for i in range(first, last):
+        one = bits[np.uintp(i)]
+        largest = max(largest, one ^ ((one >> np.int32(31)) & np.int32(0x7FFFFFFF)))
+    floats.view(np.int32)[0] = largest ^ ((largest >> np.int32(31)) & np.int32(0x7FFFFFFF))
+    return floats[0]
 
 
 @jit
@@ -414,22 +397,17 @@ def _maxima(grid, bins, margin, found):  # type: ignore[no-untyped-def]
     along each axis.
     """
     most = found.shape[0]
-    least = grid.max() - margin
+    rows, bits, floats = np.empty(bins, np.float32), grid.view(np.int32), np.empty(1, np.float32)
+    for i in range(bins):
+        rows[i] = _largest(bits, i * bins, (i + 1) * bins, floats)
+    least = rows.max() - margin
     count = 0
     for i in range(bins):
+        if rows[i] < least:
+            continue
         here = i * bins
         above, below = (i - 1) % bins * bins, (i + 1) % bins * bins
-        j = -1
-        while j + 1 < bins:
-            j += 1
-            if j % LANES == 0 and j + LANES <= bins:
-                # eight cells at once, of which mostly none is high enough
-                high = grid[np.uintp(here + j)]
-                for k in range(1, LANES):
-                    high = max(high, grid[np.uintp(here + j + k)])
-                if high < least:
-                    j += LANES - 1
-                    continue
+        for j in range(bins):
             value = grid[np.uintp(here + j)]
             if value < least:
                 continue
@@ -464,8 +442,8 @@ def _log_mean_exp(grid):  # type: ignore[no-untyped-def]
 
     exp(x) is (1 + x / 4096) ** 4096.
     """
-    largest = grid.max()
-    total = 0.0
+    largest = _largest(grid.view(np.int32), 0, grid.size, np.empty(1, np.float32))
+    total = np.float32(0.0)
     for i in range(grid.size):
         x = max(grid[i] - largest, np.float32(-40.0)) * np.float32(1.0 / 4096.0) + np.float32(1.0)
         x = x * x
@@ -485,29 +463,20 @@ def _log_mean_exp(grid):  # type: ignore[no-untyped-def]
 
 
 @jit
-def ridge_candidates(bearings, shapes, shifts, first, margin, ridges, scratch, found, out):  # type: ignore[no-untyped-def]
+def ridge_candidates(columns, shapes, odds, first, margin, ridges, found, out):  # type: ignore[no-untyped-def]
     """Find candidate poses of many pairs: the highest local maxima of their grids.
 
-    As `ridge_grid` for pair k of the rows ``first[k]`` to ``first[k + 1]``, and `_maxima` with
+    As `ridge_grid` for pair k of the columns ``first[k]`` to ``first[k + 1]``, and `_maxima` with
     ``found`` (K, 3) as scratch. ``out`` `Candidates`, of which the first ones are filled: as many
     as is returned. A pair has at least one.
     """
     poses, values, owners, evidence = out.poses, out.values, out.owners, out.evidence
-    bins = ridges.sines.size
+    bins = ridges.turns.shape[1]
     cell = TWO_PI / bins
     grid = np.empty(bins * bins, np.float32)
     total = 0
     for k in range(first.size - 1):
-        low, high = first[k], first[k + 1]
-        ridge_grid(
-            bearings[low:high],
-            shapes[low:high],
-            shifts[low:high],
-            np.float32(0.0),
-            ridges,
-            scratch,
-            grid,
-        )
+        ridge_grid(columns, shapes, odds, first[k], first[k + 1], ridges, grid)
         evidence[k] = _log_mean_exp(grid)
         count = _maxima(grid, bins, margin, found)
         if count == 0:

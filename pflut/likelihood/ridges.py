@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import threading
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pflut._lanes import LANES
 from pflut.geometry import TWO_PI, FloatArray
 from pflut.likelihood.axes import (
     ELEVATION_CELLS,
@@ -18,23 +18,23 @@ from pflut.likelihood.axes import (
     residual_nodes,
 )
 from pflut.likelihood.ridge_kernels import (
+    BLOCKS,
     GROWTH_OCTAVES,
     LEVEL_FROM,
+    LEVEL_MIN,
+    LEVEL_STEP,
     LEVEL_STEPS,
     MIDDLE,
+    NATS,
     NUM_GROWTHS,
+    NUM_LEVELS,
     SUBCELLS,
-    WIDTH,
     Candidates,
     RidgeArrays,
-    Scratch,
-    make_scratch,
     ridge_candidates,
     ridge_grid,
 )
 
-LEVEL_MIN, LEVEL_STEP, NUM_LEVELS = -3.0, 0.25, 48
-"""Levels of log(odds times density times the profile's height)."""
 NEGLIGIBLE = 0.05
 TYPICAL_RATIO = 20.0
 """Where the log-likelihood ratio of a landmark so probable is negligible, its profile ends."""
@@ -60,31 +60,14 @@ class Ridges:
     bins: int
     arrays: RidgeArrays
 
-    def shifts(self, odds: FloatArray, shapes: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return by how many levels correspondences with such odds are more probable.
-
-        Parameters
-        ----------
-        odds : ndarray of shape (n,)
-            True match to mismatch.
-        shapes : ndarray of shape (n,), int64
-
-        Returns
-        -------
-        ndarray of shape (n,), int64
-        """
-        shift = np.rint(np.log(odds) / LEVEL_STEP).astype(np.int64)
-        # the highest level of a shape must stay within the profiles
-        return np.asarray(np.minimum(shift, NUM_LEVELS - 1 - self.arrays.highest[shapes]))
-
     def grid(
-        self, bearings: FloatArray, shapes: NDArray[np.int64], odds: FloatArray
+        self, columns: FloatArray, shapes: NDArray[np.int64], odds: FloatArray
     ) -> NDArray[np.float32]:
         """Sum correspondences' log-likelihood ratios over the grid of poses.
 
         Parameters
         ----------
-        bearings : ndarray of shape (n, 8)
+        columns : ndarray of shape (8, n)
             Sines and cosines of azimuth_l, elevation_l, azimuth_r, elevation_r.
         shapes : ndarray of shape (n,), int64
         odds : ndarray of shape (n,)
@@ -96,15 +79,12 @@ class Ridges:
             Over (heading_l, heading_r).
         """
         out = np.empty(self.bins * self.bins, np.float32)
-        constant = np.float32(-np.log1p(odds).sum())
-        shifts = self.shifts(odds, shapes)
-        scratch = _scratch(self.bins)
-        ridge_grid(bearings, shapes, shifts, constant, self.arrays, scratch, out)
+        ridge_grid(columns, shapes, odds, 0, len(odds), self.arrays, out)
         return out.reshape(self.bins, self.bins)
 
     def candidates(
         self,
-        bearings: FloatArray,
+        columns: FloatArray,
         shapes: NDArray[np.int64],
         odds: FloatArray,
         first: NDArray[np.int64],
@@ -116,7 +96,7 @@ class Ridges:
 
         Parameters
         ----------
-        bearings, shapes, odds
+        columns, shapes, odds
             As `grid`, of all pairs one after the other.
         first : ndarray of shape (pairs + 1,)
             The row of each pair's first correspondence, and the number of them all.
@@ -137,28 +117,16 @@ class Ridges:
             np.empty(pairs),
         )
         count = ridge_candidates(
-            bearings,
+            columns,
             shapes,
-            self.shifts(odds, shapes),
+            odds,
             first,
             margin,
             self.arrays,
-            _scratch(self.bins),
             np.empty((most, 3)),
             out,
         )
         return Candidates(out.poses[:count], out.values[:count], out.owners[:count], out.evidence)
-
-
-_memory = threading.local()
-
-
-def _scratch(bins: int) -> Scratch:
-    """Give this thread's memory; allocating it costs as much as a grid."""
-    if getattr(_memory, "bins", None) != bins:
-        _memory.bins, _memory.scratch = bins, make_scratch(bins)
-    scratch: Scratch = _memory.scratch
-    return scratch
 
 
 def make_ridges(density: NDArray[np.floating], profile: NDArray[np.floating], bins: int) -> Ridges:
@@ -199,37 +167,42 @@ def make_ridges(density: NDArray[np.floating], profile: NDArray[np.floating], bi
 
     cell = TWO_PI / bins
     ratios = np.exp(LEVEL_MIN + LEVEL_STEP * np.arange(NUM_LEVELS))
-    offsets = np.arange(WIDTH) - MIDDLE - 3 - np.arange(SUBCELLS)[:, None] / SUBCELLS
+    lanes = np.arange(LANES) + LANES * np.array([0, -1, 1])[:, None]
+    offsets = lanes[:, None] - MIDDLE - np.arange(SUBCELLS)[:, None] / SUBCELLS
     # four classes an octave, even in a float's mantissa: their middles
     octave, quarter = np.divmod(np.arange(NUM_GROWTHS), 4)
-    growths = 2.0 ** (octave - GROWTH_OCTAVES) * (1.0 + (quarter + 0.5) / 4.0)
-    profiles = np.empty((NUM_LEVELS, kinds, NUM_GROWTHS, SUBCELLS, WIDTH), np.float32)
+    least = 2.0 ** (octave - GROWTH_OCTAVES)
+    growths = least * (1.0 + (quarter + 0.5) / 4.0)
+    profiles = np.empty((BLOCKS, NUM_LEVELS, kinds, NUM_GROWTHS, SUBCELLS, LANES), np.uint16)
     for k, growth in enumerate(growths):
         slope = growth * cell
         mean = _box_mean(kind_profiles, offsets * slope, CELL_WIDTH * slope)
-        profiles[:, :, k] = np.log1p(ratios[:, None, None, None] * mean)
+        values = np.log1p(ratios[:, None, None, None, None] * mean) / NATS
+        profiles[:, :, :, k] = np.rint(values).transpose(2, 0, 1, 3, 4)
     angles = (np.arange(bins) + 0.5) * cell
+    # a block has as many cells on the near side
+    near_by = _extent(kind_profiles, TYPICAL_RATIO) / (MIDDLE * cell)
     return Ridges(
         bins,
         RidgeArrays(
-            sines=np.sin(angles).astype(np.float32),
-            cosines=np.cos(angles).astype(np.float32),
+            turns=np.stack([np.sin(angles), np.cos(angles)]).astype(np.float32),
             levels=np.ascontiguousarray(level_table),
             highest=level_table.max(axis=1).astype(np.int64),
             reach=reach,
             bases=(elevation // ELEVATIONS_A_KIND * (NUM_GROWTHS * SUBCELLS)).astype(np.int32),
-            near_by=np.float32(_extent(kind_profiles, TYPICAL_RATIO) / (3.0 * cell)),
-            size=profiles[0].size,
+            wide=int(np.searchsorted(least, near_by)) * SUBCELLS,
+            peaks=profiles.max(axis=(0, 2, 3, 4, 5)).astype(np.int64),
+            size=profiles[0, 0].size,
             profiles=profiles.ravel(),
         ),
     )
 
 
-def _levels(ratio: FloatArray) -> NDArray[np.int16]:
+def _levels(ratio: FloatArray) -> NDArray[np.int8]:
     """Give the levels of odds ratios, at even odds; far below zero where there is none."""
     with np.errstate(divide="ignore"):
         levels = np.rint((np.log(ratio) - LEVEL_MIN) / LEVEL_STEP)
-    return np.asarray(levels.clip(-1000, NUM_LEVELS - 1), dtype=np.int16)
+    return np.asarray(levels.clip(-128, NUM_LEVELS - 1), dtype=np.int8)
 
 
 def _extent(profiles: FloatArray, ratio: float) -> float:

@@ -29,7 +29,13 @@ from pflut.likelihood.learning import (
     fit,
     quality_ratio,
 )
-from pflut.likelihood.residual_kernels import PairArrays, TableArrays, score, shape_cells
+from pflut.likelihood.residual_kernels import (
+    PairArrays,
+    TableArrays,
+    score,
+    shape_cells,
+    sines_cosines,
+)
 from pflut.likelihood.ridges import Ridges, make_ridges
 from pflut.likelihood.sampling import Progress
 from pflut.likelihood.storage import read_table, write_table
@@ -47,19 +53,19 @@ QUALITY_CELLS = 20
 """Cells of the quality's axis, if a table has it, over [0, 1]."""
 
 
-def bearing_rows(*angles: FloatArray) -> FloatArray:
-    """Return (n, 8): sine and cosine of each of four arrays of angles, radians."""
-    out = np.empty((len(angles[0]), 2 * len(angles)))
-    for column, values in enumerate(angles):
-        out[:, 2 * column] = np.sin(values)
-        out[:, 2 * column + 1] = np.cos(values)
+def sines_and_cosines(
+    azimuth_l: FloatArray, elevation_l: FloatArray, azimuth_r: FloatArray, elevation_r: FloatArray
+) -> FloatArray:
+    """Return (8, n): sines and cosines of each of four arrays of angles, radians, in turn."""
+    out = np.empty((8, azimuth_l.size))
+    sines_cosines(azimuth_l, elevation_l, azimuth_r, elevation_r, out)
     return out
 
 
-def bearing_table(correspondences: Correspondences) -> FloatArray:
-    """Return (n, 8): sine and cosine of azimuth_l, elevation_l, azimuth_r, elevation_r."""
+def bearing_columns(correspondences: Correspondences) -> FloatArray:
+    """Return (8, n): sines and cosines of azimuth_l, elevation_l, azimuth_r, elevation_r."""
     c = correspondences
-    return bearing_rows(c.azimuth_l, c.elevation_l, c.azimuth_r, c.elevation_r)
+    return sines_and_cosines(c.azimuth_l, c.elevation_l, c.azimuth_r, c.elevation_r)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -204,11 +210,11 @@ class LikelihoodTable:
         -------
         ndarray of shape (n,)
         """
-        odds = np.full(len(correspondences), self.prior_odds)
+        odds: FloatArray = np.full(len(correspondences), self.prior_odds)
         if self.quality is not None and correspondences.quality is not None:
             cells = (correspondences.quality * QUALITY_CELLS).astype(np.int64)
-            odds *= self.quality[cells.clip(0, QUALITY_CELLS - 1)]
-        return np.asarray(np.maximum(odds, 1e-6))
+            odds = np.maximum(odds * self.quality[cells.clip(0, QUALITY_CELLS - 1)], 1e-6)
+        return odds
 
     def log_likelihood_grid(
         self, correspondences: Correspondences, bins: int | None = None
@@ -229,8 +235,8 @@ class LikelihoodTable:
             Over (heading_l, heading_r); the cell (i, j) is centred on
             ((i + 1/2) 2 pi / B, (j + 1/2) 2 pi / B). Zero everywhere without correspondences.
         """
-        bearings = bearing_table(correspondences)
-        return self.ridges(bins).grid(bearings, self.shapes(bearings), self.odds(correspondences))
+        columns = bearing_columns(correspondences)
+        return self.ridges(bins).grid(columns, self.shapes(columns), self.odds(correspondences))
 
     def log_likelihood(self, correspondences: Correspondences, headings: ArrayLike) -> FloatArray:
         """Compute the log-likelihood ratio at poses, with no grid.
@@ -254,18 +260,18 @@ class LikelihoodTable:
         poses = np.ascontiguousarray(np.atleast_2d(np.asarray(headings, dtype=np.float64)))
         if poses.ndim != 2 or poses.shape[1] != 2:
             raise ValueError(f"headings: expected shape (m, 2), got {poses.shape}")
-        bearings, odds = bearing_table(correspondences), self.odds(correspondences)
+        columns, odds = bearing_columns(correspondences), self.odds(correspondences)
         first = np.array([0, len(odds)])
-        pair = PairArrays(np.ascontiguousarray(bearings.T), self.shapes(bearings), odds, first)
+        pair = PairArrays(columns, self.shapes(columns), odds, first)
         out = np.empty(len(poses))
         score(pair, poses, np.zeros(len(poses), np.int64), self.arrays, out)
         return out - float(np.log1p(odds).sum())
 
     @staticmethod
-    def shapes(bearings: FloatArray) -> NDArray[np.int64]:
-        """Return the cells of ratio and elevation of bearings (n, 8)."""
-        cells = np.empty(len(bearings), np.int64)
-        shape_cells(bearings, cells)
+    def shapes(columns: FloatArray) -> NDArray[np.int64]:
+        """Return the cells of ratio and elevation of correspondences (8, n)."""
+        cells = np.empty(columns.shape[1], np.int64)
+        shape_cells(columns, cells)
         return cells
 
     @classmethod

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pflut.geometry import TWO_PI, FloatArray, wrap_to_pi
-from pflut.likelihood.table import bearing_table
+from pflut.likelihood.table import bearing_columns
 from pflut.localization.estimate import Estimate, estimate_from_particles
 from pflut.localization.reference_image_model import ReferenceImageModel, ReferenceMatch
 from pflut.relpose.estimate import CUTOFFS, STEPS_PER_CUTOFF
@@ -107,7 +107,9 @@ class GlobalSearch:
         """Polish a pose with all matches; keep it where they pull it out of its own cluster."""
         if not matches:
             return pose
-        bearings = np.concatenate([bearing_table(m.correspondences) for m in matches])
+        bearings = np.ascontiguousarray(
+            np.concatenate([bearing_columns(m.correspondences) for m in matches], axis=1).T
+        )
         owners = np.repeat(np.arange(len(matches)), [len(m.correspondences) for m in matches])
         references = self.sensor.reference_map.poses[[m.index for m in matches]]
         polished = pose.copy()

@@ -8,7 +8,7 @@ import numpy as np
 
 from pflut.correspondences import Correspondences
 from pflut.geometry import TWO_PI, FloatArray, wrap_to_pi
-from pflut.likelihood.table import LikelihoodTable, bearing_table
+from pflut.likelihood.table import LikelihoodTable, bearing_columns
 from pflut.posterior import GridPosterior, Likelihood, pose_posterior
 from pflut.relpose.kernels import judge, refine
 from pflut.relpose.result import UNIFORM_VARIANCE, RelativePose
@@ -86,7 +86,7 @@ def estimate_relative_pose(
     moved = headings.copy()
     cutoffs = noise * (CUTOFFS if polish else CUTOFFS[:1])
     steps = STEPS_PER_CUTOFF if polish else 1
-    columns = np.ascontiguousarray(bearing_table(correspondences).T)
+    columns = bearing_columns(correspondences)
     inliers = refine(columns, cutoffs, steps, moved, information)
     if polish:
         headings = moved

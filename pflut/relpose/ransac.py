@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pflut.correspondences import Correspondences
 from pflut.geometry import FloatArray, wrap_to_pi
-from pflut.likelihood.table import bearing_table
+from pflut.likelihood.table import bearing_columns
 from pflut.relpose.estimate import BIWEIGHT_SPREAD, CUTOFFS, STEPS_PER_CUTOFF
 from pflut.relpose.kernels import judge
 from pflut.relpose.ransac_kernels import ransac_batch
@@ -90,11 +90,11 @@ def ransac_relative_pose(
     options = _checked(
         solver, threshold, max_iterations, scoring, local_optimization, confidence, noise
     )
-    bearings = bearing_table(correspondences)
+    columns = bearing_columns(correspondences)
+    bearings = np.ascontiguousarray(columns.T)
     headings, information, counts = _run(bearings[None], SAMPLE_SIZES[solver], options, noise, rng)
     inliers, alarms = counts[0, :1].copy(), np.empty(1)
     cutoff = noise * float(CUTOFFS[-1])
-    columns = np.ascontiguousarray(bearings.T)
     if inliers[0]:  # else there is no model, and on the horizon any pose agrees
         judge(columns, np.array([0, len(bearings)]), headings, cutoff, SHIFTS, inliers, alarms)
     return RelativePose(

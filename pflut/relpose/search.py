@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pflut.correspondences import Correspondences
 from pflut.geometry import FloatArray, rotation_from_headings, wrap_to_pi
 from pflut.likelihood.residual_kernels import PairArrays, maximize
-from pflut.likelihood.table import LikelihoodTable, bearing_rows
+from pflut.likelihood.table import LikelihoodTable, sines_and_cosines
 from pflut.relpose.kernels import judge, refine_many
 from pflut.relpose.result import UNIFORM_VARIANCE, RelativePose
 
@@ -115,12 +115,11 @@ def _solve(
 ) -> list[RelativePose]:
     """Estimate the poses of some pairs; see `estimate_relative_poses`."""
     first = np.cumsum([0, *map(len, pairs)])
-    bearings, odds = _gather(pairs, table)
-    columns = np.ascontiguousarray(bearings.T)
-    shapes = table.shapes(bearings)
+    columns, odds = _gather(pairs, table)
+    shapes = table.shapes(columns)
     arrays = PairArrays(columns, shapes, odds, first)
     poses, _, owners, evidence = table.ridges(bins).candidates(
-        bearings, shapes, odds, first, margin=MARGIN, most=most
+        columns, shapes, odds, first, margin=MARGIN, most=most
     )
     refine_many(
         columns, first, noise * np.array(CUTOFFS), STEPS_PER_CUTOFF, poses, owners, np.empty(4)
@@ -148,7 +147,7 @@ def _solve(
             headings[:, 1].tolist(),
             covariance,
             (values[chosen] - constant).tolist(),
-            (evidence - constant).tolist(),
+            evidence.tolist(),
             inliers.tolist(),
             success.tolist(),
             strict=True,
@@ -159,7 +158,7 @@ def _solve(
 def _gather(
     pairs: Sequence[Correspondences], table: LikelihoodTable
 ) -> tuple[FloatArray, FloatArray]:
-    """Give the bearings (n, 8) and the odds (n,) of all pairs' correspondences."""
+    """Give the bearings (8, n) and the odds (n,) of all pairs' correspondences."""
     if table.quality is not None and any(pair.quality is not None for pair in pairs):
         odds = np.concatenate([table.odds(pair) for pair in pairs])
     else:
@@ -168,7 +167,7 @@ def _gather(
         np.concatenate([getattr(pair, name) for pair in pairs])
         for name in ("azimuth_l", "elevation_l", "azimuth_r", "elevation_r")
     )
-    return bearing_rows(*angles), odds
+    return sines_and_cosines(*angles), odds
 
 
 def _best(values: FloatArray, owners: NDArray[np.int64], count: int) -> NDArray[np.int64]:
