@@ -1,6 +1,6 @@
 """The limit: how many relative poses of the paper's simulator could be found at all.
 
-    python sims/bayes_limit.py [--quick] [--pairs N] [--output DIR]
+    python sims/bayes_limit.py [--quick] [--pairs N] [--threads N] [--output DIR]
 
 The Bayes-optimal estimator knows the simulator: the ball and its density of landmarks, the noise,
 the share of mismatches, and how both cameras may stand. It gives the pose with the largest
@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,7 @@ from tqdm import tqdm
 from pflut import Correspondences, CorrespondenceSimulator, LikelihoodTable
 from pflut._jit import jit
 from pflut.geometry import TWO_PI, wrap_to_pi
-from pflut.likelihood.table import bearing_table
+from pflut.likelihood.table import bearing_columns
 from pflut.plot import save_figure
 from pflut.plot.style import CYCLE, new_figure, tidy
 from pflut.relpose.kernels import refine_many
@@ -42,7 +43,7 @@ CELLS = ((25, 0.8), (25, 0.85), (25, 0.9), (100, 0.85), (100, 0.9), (100, 0.93),
 NOISE = 0.01
 RADIUS = 2.0
 VOLUME = 4.0 / 3.0 * np.pi * RADIUS**3
-ANGLES = 24
+ANGLES = 40
 """Angles between the cameras, over which is averaged."""
 NODES = 5
 """Parallaxes by which a true match may really be seen."""
@@ -52,14 +53,14 @@ LEAST = 1e-3
 """Radians: no angle of a triangle is smaller."""
 SAFE = 16
 """So many correspondences can be multiplied before the logarithm is taken."""
-MARGIN = 12.0
-"""Nats below the best candidate at which the posterior is not looked at any more."""
+MARGIN = 7.0
+"""Nats below the maximum at which the posterior is not looked at any more."""
 ALIKE = 0.01
 """Radians within which candidates are the same."""
-GRID = 512
+GRID = 1536
 """Cells an axis in which the mass is integrated."""
-AROUND = 5
-"""Cells on either side of a candidate."""
+AROUND = 8
+"""Cells on either side of a candidate to begin with."""
 NAMES = ("with the hint", "without", "default table")
 
 
@@ -128,26 +129,29 @@ def _landmarks(bearing, u, v, noise, shifts, weights, points):  # type: ignore[n
 
 
 @jit
-def _log_mean(logs, factors):  # type: ignore[no-untyped-def]
-    """Give the log of the mean of exp(logs) times factors."""
+def _log_mean(logs, factors, shares):  # type: ignore[no-untyped-def]
+    """Give the log of the mean of exp(logs) times factors, weighted with shares."""
     largest = -np.inf
     for d in range(logs.size):
-        logs[d] += np.log(factors[d])
+        logs[d] += np.log(factors[d] * shares[d])
         largest = max(largest, logs[d])
     total = 0.0
     for d in range(logs.size):
         total += np.exp(logs[d] - largest)
-    return largest + np.log(total / logs.size)
+    return largest + np.log(total)
 
 
 @jit
-def log_likelihoods(columns, poses, hint, mismatch, noise, angles, shifts, weights, plain, out):  # type: ignore[no-untyped-def]
+def log_likelihoods(  # type: ignore[no-untyped-def]
+    columns, poses, hint, mismatch, noise, angles, shares, shifts, weights, plain, out
+):
     """Compute the exact log-likelihood of a pair at poses, but for a constant: ``out`` (m,).
 
     ``columns`` (8, n) sines and cosines of azimuth_l, elevation_l, azimuth_r, elevation_r;
     ``poses`` (m, 2); ``hint`` whether mismatches show the same ball; ``angles`` (D,) between the
-    cameras; ``shifts``, ``weights`` (K,) of standard normal noise; ``plain`` (n,) density of each
-    correspondence as a mismatch of uniform azimuths. O(m n D).
+    cameras and ``shares`` (D,) that they have; ``shifts``, ``weights`` (K,) of standard normal
+    noise; ``plain`` (n,) density of each correspondence as a mismatch of uniform azimuths.
+    O(m n D).
     """
     n, num_angles = columns.shape[1], angles.size
     halves, asides = np.sin(0.5 * angles), np.cos(0.5 * angles)
@@ -207,7 +211,7 @@ def log_likelihoods(columns, poses, hint, mismatch, noise, angles, shifts, weigh
                 for d in range(num_angles):
                     logs[d] += np.log(factors[d])
                     factors[d] = 1.0
-        out[m] = _log_mean(logs, factors)
+        out[m] = _log_mean(logs, factors, shares)
 
 
 def plain_density(elevations: np.ndarray) -> np.ndarray:
@@ -225,28 +229,36 @@ class Limit:
     def __init__(self, mismatch: float) -> None:
         self.mismatch = mismatch
         self.table = LikelihoodTable.default()
-        self.angles = (np.arange(ANGLES) + 0.5) / ANGLES * TWO_PI
+        # closer to each other where the cameras are, and where the headings vary most
+        root = (np.arange(ANGLES // 2) + 0.5) / (ANGLES // 2)
+        self.angles = np.append(np.pi * root**2, TWO_PI - np.pi * root**2)
+        self.shares = np.append(root, root) / (2.0 * root.sum())
         self.shifts, weights = np.polynomial.hermite_e.hermegauss(NODES)
         self.weights = weights / weights.sum()
 
     def evaluate(self, bearings: np.ndarray, poses: np.ndarray, hint: bool) -> np.ndarray:
         """Give the log-likelihoods (m,) of bearings (n, 4), with the hint or without."""
-        columns = np.ascontiguousarray(bearing_table(Correspondences(*bearings.T)).T)
+        columns = bearing_columns(Correspondences(*bearings.T))
         plain = plain_density(bearings[:, 1]) * plain_density(bearings[:, 3])
         out = np.empty(len(poses))
-        numbers = (self.mismatch, NOISE, self.angles, self.shifts, self.weights)
+        numbers = (self.mismatch, NOISE, self.angles, self.shares, self.shifts, self.weights)
         log_likelihoods(columns, np.ascontiguousarray(poses), hint, *numbers, plain, out)
         return out
 
+    def estimates(self, bearings: np.ndarray) -> list[tuple[np.ndarray, float]]:
+        """Give the optimal poses and the masses around them: with the hint, and without."""
+        candidates = self.candidates(bearings)
+        return [self.estimate(bearings, candidates, hint) for hint in (True, False)]
+
     def candidates(self, bearings: np.ndarray) -> np.ndarray:
         """Give the local maxima of the table's grids, polished and not."""
-        rows = bearing_table(Correspondences(*bearings.T))
-        odds, first = np.full(len(rows), self.table.prior_odds), np.array([0, len(rows)])
-        shapes, columns = self.table.shapes(rows), np.ascontiguousarray(rows.T)
+        columns, n = bearing_columns(Correspondences(*bearings.T)), len(bearings)
+        odds, first = np.full(n, self.table.prior_odds), np.array([0, n])
+        shapes = self.table.shapes(columns)
         found = []
         for bins, margin in ((128, 1e9), (256, 25.0)):
             poses, _, owners, _ = self.table.ridges(bins).candidates(
-                rows, shapes, odds, first, margin=margin, most=512
+                columns, shapes, odds, first, margin=margin, most=512
             )
             polished = poses.copy()
             cutoffs = NOISE * np.array(CUTOFFS)
@@ -256,27 +268,32 @@ class Limit:
         # many of them are the same by now
         return poses[np.unique(np.floor(poses / ALIKE).astype(int), axis=0, return_index=True)[1]]
 
-    def cells(self, bearings: np.ndarray, candidates: np.ndarray, hint: bool) -> np.ndarray:
-        """Give the cells (m, 2) of the grid that can hold a part of the mass."""
+    def seeds(self, bearings: np.ndarray, candidates: np.ndarray, hint: bool) -> np.ndarray:
+        """Give the cells around the candidates that may hold a part of the mass, as a mask."""
         steps = 0.02 * np.array([-1.0, 0.0, 1.0])
         offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
         values = self.evaluate(bearings, (candidates[:, None] + offsets).reshape(-1, 2), hint)
         values = values.reshape(len(candidates), -1).max(axis=1)
         middle = np.floor(candidates[values > values.max() - MARGIN] / TWO_PI * GRID)
-        reach = np.arange(-AROUND, AROUND + 1)
         marked = np.zeros((GRID, GRID), bool)
-        i, j = (middle[:, k, None].astype(np.int64) + reach for k in range(2))
-        marked[i[:, :, None] % GRID, j[:, None, :] % GRID] = True
-        return np.argwhere(marked)
+        marked[tuple(middle.astype(np.int64).T % GRID)] = True
+        return grown(marked, AROUND)
 
     def estimate(
         self, bearings: np.ndarray, candidates: np.ndarray, hint: bool
     ) -> tuple[np.ndarray, float]:
-        """Give the optimal pose (2,), and the posterior mass around it."""
-        cells = self.cells(bearings, candidates, hint)
-        values = self.evaluate(bearings, (cells + 0.5) * (TWO_PI / GRID), hint)
-        mass = np.zeros((GRID, GRID))
-        mass[cells[:, 0], cells[:, 1]] = np.exp(values - values.max())
+        """Give the optimal pose (2,), and the posterior mass around it.
+
+        The mass is integrated over a grid: around the candidates, and on from there as far as it
+        reaches, which is a long way along the band of a turn on the spot.
+        """
+        values = np.full((GRID, GRID), -np.inf)
+        wanted = self.seeds(bearings, candidates, hint)
+        while wanted.any():
+            poses = (np.argwhere(wanted) + 0.5) * (TWO_PI / GRID)
+            values[wanted] = self.evaluate(bearings, poses, hint)
+            wanted = grown(values > values.max() - MARGIN, 2) & np.isneginf(values)
+        mass = np.exp(values - values.max())
         total = mass.sum()
         reach = int(SUCCESS / TWO_PI * GRID)
         low = np.arange(GRID)
@@ -289,17 +306,32 @@ class Limit:
         return (best + 0.5) * (TWO_PI / GRID), float(mass.max() / total)
 
 
+def grown(marked: np.ndarray, cells: int) -> np.ndarray:
+    """Mark all that is within so many cells of what is marked; the grid is a torus."""
+    for axis in range(2):
+        wide = marked.copy()
+        for shift in range(1, cells + 1):
+            wide |= np.roll(marked, shift, axis) | np.roll(marked, -shift, axis)
+        marked = wide
+    return marked
+
+
 def main() -> None:
     """Run all cells."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="30 pairs a cell")
-    parser.add_argument("--pairs", type=int, default=500, help="pairs a cell")
+    parser.add_argument("--pairs", type=int, default=400, help="pairs a cell")
+    parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--output", type=Path, default=Path("results/bayes_limit"))
     arguments = parser.parse_args()
     pairs = 30 if arguments.quick else arguments.pairs
     arguments.output.mkdir(parents=True, exist_ok=True)
     rows = []
-    with tqdm(total=pairs * len(CELLS), unit="pair", disable=None) as bar:
+    total = pairs * len(CELLS)
+    with (
+        tqdm(total=total, unit="pair", disable=None) as bar,
+        ThreadPoolExecutor(arguments.threads) as pool,
+    ):
         for count, share in CELLS:
             headings, bearings = CorrespondenceSimulator(mismatch=share, noise=NOISE).sample(
                 pairs, count, rng=SEED
@@ -310,11 +342,9 @@ def main() -> None:
             poses = np.empty((pairs, len(NAMES), 2))
             poses[:, 2] = [[pose.heading_l, pose.heading_r] for pose in by_table]
             promised = np.full((pairs, len(NAMES)), np.nan)
-            for k, pair in enumerate(bearings):
-                candidates = limit.candidates(pair)
-                for column, hint in enumerate((True, False)):
-                    pose, promised[k, column] = limit.estimate(pair, candidates, hint)
-                    poses[k, column] = pose
+            for k, estimates in enumerate(pool.map(limit.estimates, bearings)):
+                for column, (pose, mass) in enumerate(estimates):
+                    poses[k, column], promised[k, column] = pose, mass
                 bar.update()
             found = np.abs(wrap_to_pi(poses - headings[:, None])).max(axis=2) < SUCCESS
             for name, successes, masses in zip(NAMES, found.T, promised.T, strict=True):
