@@ -51,6 +51,28 @@ def _add_lanes(typing: Any, total: Any, at: Any, values: Any, start: Any) -> Any
     return signature, code
 
 
+def _add_shares(
+    typing: Any, total: Any, at: Any, values: Any, start: Any, shares: Any, first: Any
+) -> Any:
+    """Give the type and the code of `add_shares`."""
+    signature = types.void(total, types.intp, values, types.intp, shares, types.intp)
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        total, at, values, start, shares, first = arguments
+        target = _at(context, builder, total, signature.args[0], at, SHORTS)
+        source = _at(context, builder, values, signature.args[2], start, SHORTS)
+        share = _at(context, builder, shares, signature.args[4], first, SHORTS)
+        # the higher half of a product of 32 bits
+        wide = ir.VectorType(ir.IntType(32), LANES)
+        factors = [builder.zext(builder.load(p, align=2), wide) for p in (source, share)]
+        shift = ir.Constant(wide, [16] * LANES)
+        part = builder.trunc(builder.lshr(builder.mul(*factors), shift), SHORTS)
+        builder.store(builder.add(builder.load(target, align=2), part), target, align=2)
+        return context.get_dummy_value()
+
+    return signature, code
+
+
 def _add_scaled(typing: Any, total: Any, at: Any, values: Any, start: Any, unit: Any) -> Any:
     """Give the type and the code of `add_scaled`."""
     signature = types.void(total, types.intp, values, types.intp, types.float32)
@@ -112,6 +134,16 @@ if numba.config.DISABLE_JIT:
         """Add ``values[start : start + 16]`` to ``total[at : at + 16]``."""
         total[at : at + LANES] += values[start : start + LANES]
 
+    def add_shares(
+        total: Shorts, at: int, values: Shorts, start: int, shares: Shorts, first: int
+    ) -> None:
+        """Add ``values[start : start + 16]`` to ``total[at : at + 16]``, a share of each.
+
+        ``shares[first : first + 16]``, in 1 / 65536.
+        """
+        share = shares[first : first + LANES].astype(np.uint32)
+        total[at : at + LANES] += (values[start : start + LANES] * share >> 16).astype(np.uint16)
+
     def add_scaled(total: Floats, at: int, values: Shorts, start: int, unit: np.float32) -> None:
         """Add ``values[start : start + 8]``, in units of ``unit``, to ``total[at : at + 8]``."""
         total[at : at + HALF] += values[start : start + HALF] * unit
@@ -126,5 +158,6 @@ if numba.config.DISABLE_JIT:
 
 else:
     add_lanes = intrinsic(_add_lanes)
+    add_shares = intrinsic(_add_shares)
     add_scaled = intrinsic(_add_scaled)
     add_transposed = intrinsic(_add_transposed)

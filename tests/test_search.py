@@ -278,7 +278,7 @@ def test_quality_helps(default_table: LikelihoodTable) -> None:
         (errors_of(estimate_relative_poses(these, table), headings) < 0.1).mean()
         for these in (scored, pairs)
     )
-    assert share > without + 0.05
+    assert share > without + 0.03
     # a pair without scores among others with them
     mixed = estimate_relative_poses([scored[0], pairs[1]], table)
     assert same(mixed[0], estimate_relative_poses(scored[:1], table)[0])

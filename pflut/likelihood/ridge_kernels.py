@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pflut._jit import inline, jit
-from pflut._lanes import HALF, LANES, add_lanes, add_scaled, add_transposed
+from pflut._lanes import HALF, LANES, add_lanes, add_scaled, add_shares, add_transposed
 from pflut._trig import fast_arctan2
 from pflut.geometry import TWO_PI
 
@@ -36,22 +36,24 @@ FULL = 65535
 """The largest number in a plane."""
 LEVEL_MIN, LEVEL_STEP, NUM_LEVELS = -3.0, 0.25, 48
 """Levels of log(odds times density times the profile's height)."""
-LEVEL_STEPS = 256
-"""Steps of the parallax from LEVEL_FROM to pi, in which a landmark's level is looked up."""
-LEVEL_FROM = -0.3125
+LEVEL_STEPS = 288
+"""Steps of the parallax from LEVEL_FROM to pi, in which a landmark's level is looked up; the first
+one is for none."""
+LEVEL_FROM = -0.75
 GROWTH_OCTAVES = 5
 """Classes of the residual's growth from 2 ** -GROWTH_OCTAVES to 1 radian a radian: four an octave,
 taken from the bits of a float32."""
 GROWTH_BITS = 21
 LEAST_GROWTH = (127 - GROWTH_OCTAVES) << (23 - GROWTH_BITS)
 NUM_GROWTHS = 4 * GROWTH_OCTAVES + 1
-FLAT = 0.2
-"""Growth of the residual for a unit of its second derivative, where the curve is flat: over the
-width of a ridge."""
-MERGED = 1.35
-"""Radians from the baseline beyond which the two branches share a ridge."""
-STEP_BITS, COLUMN_BITS = 10, 11
-"""Of the numbers of an address; the profile's come first."""
+NUM_SLOPES = 3
+GENTLE, STEEP = 0.4, 0.75
+"""Slopes of the curve, columns a row, that part the classes."""
+MERGED = 4.0
+"""The two branches share a ridge where the residual between them is less than its noise, unless
+its amplitude is not so many times the noise: then it is as good as flat."""
+STEP_BITS, COLUMN_BITS = 9, 11
+"""Of the numbers of an address: the profile, the column, whether v is positive, the step."""
 HALF_PI = 0.5 * np.pi
 
 
@@ -66,27 +68,37 @@ class RidgeArrays(NamedTuple):
         How probable a landmark is at a parallax, in steps, at even odds.
     highest : ndarray of shape (shapes,), int64
         Of the levels.
-    reach : ndarray of shape (shapes,)
-        By how much lines of sight may diverge, radians.
     bases : ndarray of shape (shapes,), int32
         First profile of each kind of elevation.
     wide : int
         Profiles of a kind that are wider than their middle block: the first ones.
+    near, far : int
+        Steps of the parallax up to which the middle block, and the others, reach to where the
+        lines of sight diverge.
+    noise, extent : float32
+        Residuals at half a profile's height, and where it ends, radians.
+    shares : ndarray of uint16
+        Of each cell, how much lies where the lines of sight do not diverge: (whether v is
+        positive, steps, BLOCKS, LANES) in a row.
     peaks : ndarray of shape (NUM_LEVELS,), int64
         The most that a level's profiles add to a cell.
     size : int
         Numbers from one level's blocks to the next's.
     profiles : ndarray of uint16
-        Log-likelihood ratios in units of NATS: (BLOCKS, NUM_LEVELS, kinds, growths, SUBCELLS,
-        LANES) in a row.
+        Log-likelihood ratios in units of NATS: (BLOCKS, NUM_LEVELS, kinds, growths, slopes,
+        SUBCELLS, LANES) in a row.
     """
 
     turns: NDArray[np.float32]
     levels: NDArray[np.int8]
     highest: NDArray[np.int64]
-    reach: NDArray[np.float64]
     bases: NDArray[np.int32]
     wide: int
+    near: int
+    far: int
+    noise: np.float32
+    extent: np.float32
+    shares: NDArray[np.uint16]
     peaks: NDArray[np.int64]
     size: int
     profiles: NDArray[np.uint16]
@@ -146,17 +158,19 @@ def _line(columns, i, bins, line):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _crossings(line, turns, rows, crossings):  # type: ignore[no-untyped-def]
+def _crossings(line, turns, noise, rows, crossings):  # type: ignore[no-untyped-def]
     """Find where the acute branch crosses the first ``rows`` of the grid; vectorised.
 
-    ``line`` of `_line`, ``turns`` of `RidgeArrays`. Out, ``crossings`` (3, rows) float32: growth
-    of the residual along the row, radians a radian; column, counted from the far view's azimuth;
-    parallax in a row that looks along the near view's azimuth, radians.
+    Where the residual between this branch and the obtuse one is less than ``noise``, one ridge
+    serves both, in their middle: v is a quarter of a turn. ``line`` of `_line`, ``turns`` of
+    `RidgeArrays`. Out, ``crossings`` (4, rows) float32: growth of the residual along the row,
+    radians a radian; column, counted from the far view's azimuth; parallax in a row that looks
+    along the near view's azimuth, radians; class of the curve's slope.
     """
     sine, cosine, p, q, c, turn = line[2], line[3], line[4], line[5], line[6], line[7]
     one, half, zero, pi = np.float32(1.0), np.float32(0.5), np.float32(0.0), np.float32(np.pi)
     cells = turn * np.float32(1.0 / TWO_PI)
-    r, steep = p / q, abs(q)
+    r, height = p / q, abs(q)
     constant = p * p + q * q + np.float32(1e-20)
     sines, cosines = turns[0], turns[1]
     for i in range(rows):
@@ -173,51 +187,75 @@ def _crossings(line, turns, rows, crossings):  # type: ignore[no-untyped-def]
         a = a * x + np.float32(-0.2145988016)
         a = a * x + np.float32(1.5707963050)
         angle = np.float32(HALF_PI) - np.sqrt(one - x) * a
-        norm = steep / np.sqrt(constant + sin_u * sin_u * c)
-        growth = cos_v * norm
-        growth = max(growth, half * growth + np.float32(FLAT) * (x * norm))
+        amplitude = height / np.sqrt(constant + sin_u * sin_u * c)
+        between = amplitude * (one - x)
+        merged = between < noise and amplitude > np.float32(MERGED) * noise
+        # the cosine is a parabola there
+        beside = noise * np.sqrt(half * amplitude / (between + noise))
+        growth, angle = (beside, np.float32(HALF_PI)) if merged else (cos_v * amplitude, angle)
         crossings[0, i] = min(max(growth, np.float32(0.5**GROWTH_OCTAVES)), one)
         crossings[1, i] = (angle if sin_v > zero else -angle) * cells
         crossings[2, i] = pi - angle
+        slope = abs(r * (cosines[i] * cosine + sines[i] * sine))
+        steep = np.float32(slope > np.float32(STEEP) * cos_v)
+        crossings[3, i] = steep + np.float32(slope > np.float32(GENTLE) * cos_v)
 
 
 @jit
-def _addresses(line, first, last, half, side, base, crossings, bits, addresses):  # type: ignore[no-untyped-def]
+def _addresses(line, first, last, half, side, base, extent, crossings, bits, addresses):  # type: ignore[no-untyped-def]
     """Find which profiles are added to the rows, and where; vectorised.
 
     Of the acute branch with ``side`` 1; with -1 of the obtuse one, of which columns and parallaxes
-    are those of the acute one, taken from half a turn. ``crossings`` of `_crossings` and ``bits``,
-    the same memory as int32; ``base`` the first profile of the kind of elevation. Out,
-    ``addresses`` (2 half,) int32: number of the profile, column and step of the parallax, for the
-    rows from ``first`` to ``last`` and for those ``half`` rows on, where the curve is mirrored.
+    are those of the acute one, taken from half a turn; with 0 of points on different sides of the
+    horizon, which have no parallax. ``crossings`` of `_crossings` and ``bits``, the same memory as
+    int32; ``base`` the first profile of the kind of elevation, ``extent`` of `RidgeArrays`. Out,
+    ``addresses`` (2 half,) int32: number of the profile, column, whether v is positive, and step
+    of the parallax in the middle lane's cell, for the rows from ``first`` to ``last`` and for
+    those ``half`` rows on, where the curve is mirrored.
     """
     near, turn = line[0], line[7]
     zero, pi = np.float32(0.0), np.float32(np.pi)
     turns, subcells = np.float32(1.0) / turn, np.float32(SUBCELLS)
     scale, highest = np.float32(LEVEL_STEPS / (np.pi - LEVEL_FROM)), np.float32(LEVEL_STEPS)
-    middle = line[1] + (np.float32(0.5) * turn if side < zero else zero)
-    start = (pi if side < zero else zero) - np.float32(LEVEL_FROM)
+    obtuse, large = side < zero, np.float32(99.0)
+    sign = np.float32(-1.0) if obtuse else np.float32(1.0)
+    middle = line[1] + np.float32(0.5) * turn if obtuse else line[1]
+    start = (pi if obtuse else zero if side > zero else large) - np.float32(LEVEL_FROM)
+    part, quarter = np.float32(TWO_PI) * turns / subcells, np.float32(0.2499) * turn
     for i in range(first, last):
         away = np.float32(i) - near
         away = abs(away * turns - np.floor(away * turns + np.float32(0.5))) * np.float32(TWO_PI)
-        parallax = start + side * crossings[2, i]
+        column = crossings[1, i]
+        up = np.int32(column > zero)
+        outward = part if column > zero else -part
         growth = (bits[0, i] >> np.int32(GROWTH_BITS)) - np.int32(LEAST_GROWTH)
-        profile = base + growth * np.int32(SUBCELLS)
-        place, mirrored = middle + side * crossings[1, i], middle - side * crossings[1, i]
+        profile = growth * np.int32(NUM_SLOPES) + np.int32(crossings[3, i])
+        profile = base + profile * np.int32(SUBCELLS)
+        place, mirrored = middle + sign * column, middle - sign * column
         own = np.int32((place - turn * np.floor(place * turns)) * subcells)
         twin = np.int32((mirrored - turn * np.floor(mirrored * turns)) * subcells)
-        own_step = np.int32(min(max((parallax - away) * scale, zero), highest))
-        twin_step = np.int32(min(max((parallax + away - pi) * scale, zero), highest))
+        own_part, twin_part = own & np.int32(SUBCELLS - 1), twin & np.int32(SUBCELLS - 1)
+        parallax = start + sign * crossings[2, i]
+        # no ridge where it ends before it comes to where the lines of sight meet
+        least = -extent / crossings[0, i] - np.float32(LEVEL_FROM)
+        least = large if obtuse and abs(column) > quarter else least
+        own_gamma, twin_gamma = parallax - away, parallax + away - pi
+        own_step = (own_gamma + outward * np.float32(own_part)) * scale
+        twin_step = (twin_gamma - outward * np.float32(twin_part)) * scale
+        own_step = zero if own_gamma < least else own_step
+        twin_step = zero if twin_gamma < least else twin_step
         # the twin first: of an odd number of rows there are no twins, and their place is free
         addresses[np.uintp(half + i)] = (
-            ((profile + (twin & np.int32(SUBCELLS - 1))) << np.int32(STEP_BITS + COLUMN_BITS))
-            + ((twin >> np.int32(SUBCELL_BITS)) << np.int32(STEP_BITS))
-            + twin_step
+            ((profile + twin_part) << np.int32(STEP_BITS + 1 + COLUMN_BITS))
+            + ((twin >> np.int32(SUBCELL_BITS)) << np.int32(STEP_BITS + 1))
+            + ((np.int32(1) - up) << np.int32(STEP_BITS))
+            + np.int32(min(max(twin_step, zero), highest))
         )
         addresses[np.uintp(i)] = (
-            ((profile + (own & np.int32(SUBCELLS - 1))) << np.int32(STEP_BITS + COLUMN_BITS))
-            + ((own >> np.int32(SUBCELL_BITS)) << np.int32(STEP_BITS))
-            + own_step
+            ((profile + own_part) << np.int32(STEP_BITS + 1 + COLUMN_BITS))
+            + ((own >> np.int32(SUBCELL_BITS)) << np.int32(STEP_BITS + 1))
+            + (up << np.int32(STEP_BITS))
+            + np.int32(min(max(own_step, zero), highest))
         )
 
 
@@ -228,20 +266,31 @@ def _stamp(addresses, first, last, shape, shift, ridges, plane, stride):  # type
     ``addresses`` of `_addresses`; ``shift`` the levels by which the odds of the correspondence
     change those of its ``shape``: where the sum is negative there is nothing to add.
     """
-    profiles, levels, size = ridges.profiles, ridges.levels, ridges.size
-    wide, next_block = ridges.bases[shape] + ridges.wide, ridges.size * NUM_LEVELS
+    profiles, levels, shares = ridges.profiles, ridges.levels, ridges.shares
+    size, next_block = ridges.size, ridges.size * NUM_LEVELS
+    wide, near, far = ridges.bases[shape] + ridges.wide, ridges.near, ridges.far
     target = first * stride + LEFT - MIDDLE
     for i in range(first, last):
         address = np.int64(addresses[np.uintp(i)])
-        level = np.int64(levels[shape, np.uintp(address & ((1 << STEP_BITS) - 1))]) + shift
+        step = address & ((1 << STEP_BITS) - 1)
+        level = np.int64(levels[shape, np.uintp(step)]) + shift
         if level >= 0:
-            profile = address >> (STEP_BITS + COLUMN_BITS)
+            profile = address >> (STEP_BITS + 1 + COLUMN_BITS)
             start = profile * LANES + level * size
-            at = target + ((address >> STEP_BITS) & ((1 << COLUMN_BITS) - 1))
-            add_lanes(plane, at, profiles, start)
+            at = target + ((address >> (STEP_BITS + 1)) & ((1 << COLUMN_BITS) - 1))
+            share = int(address & ((2 << STEP_BITS) - 1)) * (BLOCKS * LANES)
+            if step < near:
+                add_shares(plane, at, profiles, start, shares, share)
+            else:
+                add_lanes(plane, at, profiles, start)
             if profile < wide:
-                add_lanes(plane, at - LANES, profiles, start + next_block)
-                add_lanes(plane, at + LANES, profiles, start + 2 * next_block)
+                before, after = start + next_block, start + 2 * next_block
+                if step < far:
+                    add_shares(plane, at - LANES, profiles, before, shares, share + LANES)
+                    add_shares(plane, at + LANES, profiles, after, shares, share + 2 * LANES)
+                else:
+                    add_lanes(plane, at - LANES, profiles, before)
+                    add_lanes(plane, at + LANES, profiles, after)
         target += stride
 
 
@@ -253,14 +302,18 @@ def _add_ridge(line, r, shape, shift, ridges, crossings, bits, addresses, plane,
     ``addresses`` are memory to work in.
     """
     bins = ridges.turns.shape[1]
-    half, base = addresses.size // 2, ridges.bases[shape]
-    _crossings(line, ridges.turns, half, crossings)
-    _addresses(line, 0, half, half, np.float32(1.0), base, crossings, bits, addresses)
+    half, base, extent = addresses.size // 2, ridges.bases[shape], ridges.extent
+    noise = ridges.noise if r > 0.0 else np.float32(0.0)
+    side = np.float32(1.0) if r > 0.0 else np.float32(0.0)
+    _crossings(line, ridges.turns, noise, half, crossings)
+    _addresses(line, 0, half, half, side, base, extent, crossings, bits, addresses)
     _stamp(addresses, 0, bins, shape, shift, ridges, plane, stride)
     if not r > 0.0:
         return
-    # the obtuse branch: its lines of sight diverge by at least (1 - r) |u|
-    limit = min(ridges.reach[shape] / max(1.0 - r, 1e-9), MERGED) * bins / TWO_PI
+    # the obtuse branch: its lines of sight diverge by (1 - r) |u| at least, but its ridge is wide
+    p, q, c = line[4], line[5], max(line[6], np.float32(0.0))
+    least = abs(q) * np.sqrt(max(1.0 - r * r, 0.0) / (p * p + q * q + c))
+    limit = min(extent / max((1.0 - r) * least, 1e-9), HALF_PI) * bins / TWO_PI
     low, high = int(np.ceil(line[0] - limit)), int(np.floor(line[0] + limit)) + 1
     if low >= high:
         return
@@ -270,7 +323,7 @@ def _add_ridge(line, r, shape, shift, ridges, crossings, bits, addresses, plane,
         first, last = max(low - piece * half, 0), min(high - piece * half, half)
         start = first - first % LANES
         end = min(last + LANES - 1 - (last - 1) % LANES, half)
-        _addresses(line, start, end, half, np.float32(-1.0), base, crossings, bits, addresses)
+        _addresses(line, start, end, half, -side, base, extent, crossings, bits, addresses)
         _stamp(addresses, row + first, row + last, shape, shift, ridges, plane, stride)
 
 
@@ -338,7 +391,7 @@ def ridge_grid(columns, shapes, odds, first, last, ridges, out):  # type: ignore
     # half a turn farther on a curve is mirrored
     half = bins // 2 if bins % 2 == 0 else bins
     stride = bins + PAD
-    crossings, addresses = np.empty((3, half), np.float32), np.empty(2 * half, np.int32)
+    crossings, addresses = np.empty((4, half), np.float32), np.empty(2 * half, np.int32)
     bits = crossings.view(np.int32)
     plane = np.empty(bins * stride, np.uint16)
     for view in range(2):
@@ -373,7 +426,7 @@ def ridge_grid(columns, shapes, odds, first, last, ridges, out):  # type: ignore
             _join(plane, bins, stride, view == 1, out)
 
 
-@jit
+@inline
 def _largest(bits, first, last, floats):  # type: ignore[no-untyped-def]
     """Give the largest of the floats whose bits those of an int32 array are; vectorised.
 
@@ -405,8 +458,7 @@ def _maxima(grid, bins, margin, found):  # type: ignore[no-untyped-def]
     for i in range(bins):
         if rows[i] < least:
             continue
-        here = i * bins
-        above, below = (i - 1) % bins * bins, (i + 1) % bins * bins
+        here, above, below = i * bins, (i - 1) % bins * bins, (i + 1) % bins * bins
         for j in range(bins):
             value = grid[np.uintp(here + j)]
             if value < least:
@@ -415,15 +467,14 @@ def _maxima(grid, bins, margin, found):  # type: ignore[no-untyped-def]
             north, south = grid[above + j], grid[below + j]
             west, east = grid[here + left], grid[here + right]
             # of cells that are equal, the last one is the maximum
-            if not (value > south and value > east and value >= north and value >= west):
-                continue
-            if value < grid[above + left] or value < grid[above + right]:
-                continue
-            if value <= grid[below + left] or value <= grid[below + right]:
+            before = max(grid[above + left], north, grid[above + right], west)
+            after = max(grid[below + left], south, grid[below + right], east)
+            if value <= after or value < before:
                 continue
             k = min(count, most - 1)
             while k > 0 and found[k - 1, 2] < value:
-                found[k] = found[k - 1]
+                for part in range(3):
+                    found[k, part] = found[k - 1, part]
                 k -= 1
             along = 2.0 * value - west - east
             across = 2.0 * value - north - south

@@ -28,6 +28,8 @@ from pflut.likelihood.ridge_kernels import (
     NATS,
     NUM_GROWTHS,
     NUM_LEVELS,
+    NUM_SLOPES,
+    STEP_BITS,
     SUBCELLS,
     Candidates,
     RidgeArrays,
@@ -38,12 +40,16 @@ from pflut.likelihood.ridge_kernels import (
 NEGLIGIBLE = 0.05
 TYPICAL_RATIO = 20.0
 """Where the log-likelihood ratio of a landmark so probable is negligible, its profile ends."""
-CELL_WIDTH = 0.61
-"""Half-width of the box that stands for a cell across the curve, in cells along a row.
-
-A cell is uniform along both headings; the curve's slope is between 0 and 1."""
-ELEVATIONS_A_KIND = 3
+SLOPES = (0.2, 0.6, 0.95)
+"""Columns a row by which the curves of a class rise."""
+BOTH_WIDTH = 0.71
+"""Half-width of the box that stands for a cell where both headings count alike, in cells."""
+PLATEAU = 0.04
+"""Radians of parallax from which on noise does not matter."""
+ELEVATIONS_A_KIND = 6
 FINE = 4096
+RISES = 8
+"""Rows of a cell over which is averaged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,8 +155,9 @@ def make_ridges(density: NDArray[np.floating], profile: NDArray[np.floating], bi
     elevation = np.arange(density.shape[1]) % ELEVATION_CELLS
     steps = LEVEL_FROM + (np.arange(LEVEL_STEPS + 1) + 0.5) * ((np.pi - LEVEL_FROM) / LEVEL_STEPS)
     edges = parallax_edges()
-    places = np.interp(steps, 0.5 * (edges[1:] + edges[:-1]), np.arange(1, PARALLAX_CELLS))
-    places[steps < edges[0]] = 0.0
+    centers = 0.5 * (edges[1:] + edges[:-1])
+    # what diverges is cut off, cell by cell; up to there the landmark is as probable as a little on
+    places = np.interp(np.maximum(steps, PLATEAU), centers, np.arange(1, PARALLAX_CELLS))
     cells = places.astype(np.int64)
     share = (places - cells)[:, None]
     between = (1.0 - share) * density[cells] + share * density[
@@ -160,10 +167,7 @@ def make_ridges(density: NDArray[np.floating], profile: NDArray[np.floating], bi
     # on different sides of the horizon the curve is where lines of sight are on different sides
     apart = np.repeat(np.arange(RATIO_CELLS) < NEGATIVE_CELLS, ELEVATION_CELLS)
     level_table[apart] = _levels((density[0] * height[elevation])[apart])[:, None]
-    # how far below zero the parallax may be, at even odds
-    may_be = (level_table > 0) & (cells > 0)
-    first = np.where(may_be.any(axis=1), may_be.argmax(axis=1), LEVEL_STEPS)
-    reach = np.maximum(-steps[first], 0.0)
+    level_table[:, 0] = -128
 
     cell = TWO_PI / bins
     ratios = np.exp(LEVEL_MIN + LEVEL_STEP * np.arange(NUM_LEVELS))
@@ -173,13 +177,15 @@ def make_ridges(density: NDArray[np.floating], profile: NDArray[np.floating], bi
     octave, quarter = np.divmod(np.arange(NUM_GROWTHS), 4)
     least = 2.0 ** (octave - GROWTH_OCTAVES)
     growths = least * (1.0 + (quarter + 0.5) / 4.0)
-    profiles = np.empty((BLOCKS, NUM_LEVELS, kinds, NUM_GROWTHS, SUBCELLS, LANES), np.uint16)
+    shape = (BLOCKS, NUM_LEVELS, kinds, NUM_GROWTHS, NUM_SLOPES, SUBCELLS, LANES)
+    profiles = np.empty(shape, np.uint16)
     for k, growth in enumerate(growths):
-        slope = growth * cell
-        mean = _box_mean(kind_profiles, offsets * slope, CELL_WIDTH * slope)
-        values = np.log1p(ratios[:, None, None, None, None] * mean) / NATS
-        profiles[:, :, :, k] = np.rint(values).transpose(2, 0, 1, 3, 4)
+        for m, slope in enumerate(SLOPES):
+            mean = _cell_mean(kind_profiles, offsets, growth * cell, slope)
+            values = np.log1p(ratios[:, None, None, None, None] * mean) / NATS
+            profiles[:, :, :, k, m] = np.rint(values).transpose(2, 0, 1, 3, 4)
     angles = (np.arange(bins) + 0.5) * cell
+    classes = NUM_SLOPES * SUBCELLS
     # a block has as many cells on the near side
     near_by = _extent(kind_profiles, TYPICAL_RATIO) / (MIDDLE * cell)
     return Ridges(
@@ -188,10 +194,16 @@ def make_ridges(density: NDArray[np.floating], profile: NDArray[np.floating], bi
             turns=np.stack([np.sin(angles), np.cos(angles)]).astype(np.float32),
             levels=np.ascontiguousarray(level_table),
             highest=level_table.max(axis=1).astype(np.int64),
-            reach=reach,
-            bases=(elevation // ELEVATIONS_A_KIND * (NUM_GROWTHS * SUBCELLS)).astype(np.int32),
-            wide=int(np.searchsorted(least, near_by)) * SUBCELLS,
-            peaks=profiles.max(axis=(0, 2, 3, 4, 5)).astype(np.int64),
+            bases=(elevation // ELEVATIONS_A_KIND * (NUM_GROWTHS * classes)).astype(np.int32),
+            wide=int(np.searchsorted(least, near_by)) * classes,
+            near=int(np.searchsorted(steps, (MIDDLE + 2) * cell)),
+            far=int(np.searchsorted(steps, (MIDDLE + 2 + LANES) * cell)),
+            noise=np.float32(residual_nodes()[(kind_profiles.mean(axis=0) > 0.5).sum()]),
+            extent=np.float32(_extent(kind_profiles, TYPICAL_RATIO)),
+            shares=_shares(
+                density[1:, ~apart].sum(axis=1, dtype=np.float64), centers, steps, lanes, cell
+            ),
+            peaks=profiles.max(axis=(0, 2, 3, 4, 5, 6)).astype(np.int64),
             size=profiles[0, 0].size,
             profiles=profiles.ravel(),
         ),
@@ -205,10 +217,54 @@ def _levels(ratio: FloatArray) -> NDArray[np.int8]:
     return np.asarray(levels.clip(-128, NUM_LEVELS - 1), dtype=np.int8)
 
 
+def _shares(
+    density: FloatArray,
+    centers: FloatArray,
+    steps: NDArray[np.floating],
+    lanes: NDArray[np.int64],
+    cell: float,
+) -> NDArray[np.uint16]:
+    """Give the shares of cells where the lines of sight do not diverge; see `RidgeArrays`.
+
+    ``density`` over the parallaxes ``centers``; ``steps`` (s,) the parallaxes of the middle lane.
+    """
+    plateau = max(density[(centers > PLATEAU) & (centers < 10.0 * PLATEAU)].mean(), 1e-9)
+    gammas = np.linspace(-1.0, 1.0, FINE)
+    rise = np.maximum.accumulate(np.interp(gammas, centers, density / plateau))
+    rise = np.where(gammas < PLATEAU, rise, 1.0).clip(0.0, 1.0)
+    integral = np.append(0.0, np.cumsum(0.5 * (rise[1:] + rise[:-1]))) * (gammas[1] - gammas[0])
+    signs = np.array([-1.0, 1.0])
+    away = (lanes - MIDDLE) * cell
+    middle = steps[None, :, None, None] - signs[:, None, None, None] * away
+    half = BOTH_WIDTH * cell
+    inside = [
+        np.interp(x, gammas, integral) + np.maximum(x - gammas[-1], 0.0)
+        for x in (middle - half, middle + half)
+    ]
+    mean = ((inside[1] - inside[0]) / (2.0 * half)).clip(0.0, 1.0)
+    shares = np.zeros((2, 1 << STEP_BITS, *lanes.shape))
+    # of a logarithm that is so high; its root, because the curve runs where a cell is inside
+    part = np.log1p(TYPICAL_RATIO * mean) / np.log1p(TYPICAL_RATIO)
+    shares[:, : len(steps)] = np.sqrt(part)
+    return np.asarray(np.rint(shares * 65535), dtype=np.uint16).ravel()
+
+
 def _extent(profiles: FloatArray, ratio: float) -> float:
     """Give the residual beyond which no profile matters, radians."""
     matters = (np.log1p(ratio * profiles) > NEGLIGIBLE).any(axis=0)
     return float(residual_nodes()[np.flatnonzero(matters).max(initial=0)])
+
+
+def _cell_mean(
+    profiles: FloatArray, offsets: FloatArray, growth: float, slope: float
+) -> FloatArray:
+    """Average profiles over cells, through which the curve rises by ``slope`` of their width.
+
+    ``offsets`` in cells from the curve, ``growth`` radians of residual a cell.
+    """
+    rises = slope * (np.arange(RISES) + 0.5) / RISES - 0.5 * slope
+    boxes = [_box_mean(profiles, (offsets + rise) * growth, 0.5 * growth) for rise in rises]
+    return np.asarray(np.mean(boxes, axis=0))
 
 
 def _box_mean(profiles: FloatArray, residuals: FloatArray, half: float) -> FloatArray:
