@@ -167,7 +167,7 @@ def test_a_translation_is_certain(estimated) -> None:
 def test_turn_on_the_spot_says_that_the_headings_are_unknown(
     default_table: LikelihoodTable,
 ) -> None:
-    """Long along the diagonal, short across. How long is an underestimate: of few candidates."""
+    """Long along the diagonal, short across."""
     rotations = np.random.default_rng(0).uniform(-np.pi, np.pi, 100)
     pairs = [turn_on_the_spot(r, 40, seed, mismatch=0.2) for seed, r in enumerate(rotations)]
     estimates = estimate_relative_poses(pairs, default_table)
@@ -176,7 +176,7 @@ def test_turn_on_the_spot_says_that_the_headings_are_unknown(
     assert max(e.rotation_std for e in estimates) < 0.02
     variances, axes = np.linalg.eigh([e.covariance for e in estimates])
     assert (np.abs(axes[:, 0, 1] * axes[:, 1, 1] - 0.5) < 0.1).mean() > 0.9
-    assert np.median(np.sqrt(variances[:, 1])) > 0.5
+    assert np.median(np.sqrt(variances[:, 1])) > 0.9
     diagonals = np.array([e.covariance.diagonal() for e in estimates])
     assert (diagonals <= UNIFORM_VARIANCE + 1e-9).all()
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pflut.correspondences import Correspondences
-from pflut.geometry import FloatArray, rotation_from_headings, wrap_to_pi
-from pflut.likelihood.residual_kernels import PairArrays, maximize
+from pflut.geometry import TWO_PI, FloatArray, rotation_from_headings, wrap_to_pi
+from pflut.likelihood.residual_kernels import PairArrays, maximize, score
 from pflut.likelihood.table import LikelihoodTable, sines_and_cosines
 from pflut.relpose.kernels import judge, refine_many
 from pflut.relpose.result import UNIFORM_VARIANCE, RelativePose
@@ -30,8 +30,11 @@ MIN_INLIERS = 3
 SHIFTS = 16
 """Certain mismatches looked at a correspondence, to measure what coincidence brings."""
 MAX_FALSE_ALARMS = 0.01
-BAND = 0.1
+BAND = 0.04
 """Radians of the rotation within which poses count as one turn on the spot."""
+BAND_MARGIN = 5.0
+"""Nats below the estimate within which another pose makes its rotation's band worth a look."""
+BAND_POSES = 24
 PAIRS_A_TASK = 128
 
 
@@ -138,7 +141,7 @@ def _solve(
     owner = np.repeat(np.arange(len(pairs)), np.diff(first))
     constant = np.bincount(owner, np.log1p(odds), minlength=len(pairs))
     covariance = _covariances(information[chosen], noise)
-    covariance = _widened(covariance, _band_variances(poses, values, owners, chosen))
+    covariance = _widened(covariance, _band_variances(arrays, table, poses, values, owners, chosen))
     success = (inliers >= MIN_INLIERS) & (alarms < np.log(MAX_FALSE_ALARMS))
     return [
         RelativePose(*row)
@@ -192,24 +195,36 @@ def _covariances(information: FloatArray, noise: float) -> FloatArray:
 
 
 def _band_variances(
+    pairs: PairArrays,
+    table: LikelihoodTable,
     poses: FloatArray,
     values: FloatArray,
     owners: NDArray[np.int64],
     chosen: NDArray[np.int64],
 ) -> FloatArray:
-    """Give the variance of both headings over the candidates of the estimate's own rotation.
+    """Give the variance of both headings over the poses of the estimate's own rotation.
 
     On a turn on the spot the poses of the right rotation are all alike, and yet noise makes some
     place of that band look best and its surroundings worse, so that the information would know the
-    headings to a few degrees. The other candidates know of the rest of the band.
+    headings to a few degrees. Where another candidate lies in the band, the likelihood is looked at
+    all along it.
     """
     best = poses[chosen][owners]
     rotation = rotation_from_headings(poses[:, 0], poses[:, 1])
     turned = wrap_to_pi(rotation - rotation_from_headings(best[:, 0], best[:, 1]))
-    weight = np.exp(np.minimum(values - values[chosen][owners], 0.0)) * (np.abs(turned) < BAND)
-    away = wrap_to_pi(poses[:, 1] - best[:, 1])
-    total = np.bincount(owners, weight)
-    return np.asarray(np.bincount(owners, weight * away**2) / np.maximum(total, 1e-300))
+    beside = (np.abs(turned) < BAND) & (values > values[chosen][owners] - BAND_MARGIN)
+    beside[chosen] = False
+    out = np.zeros(len(chosen))
+    banded = np.flatnonzero(np.bincount(owners[beside], minlength=len(chosen)))
+    if banded.size:
+        away = np.arange(-BAND_POSES // 2, BAND_POSES // 2) * (TWO_PI / BAND_POSES)
+        along = (poses[chosen[banded], None] + away[:, None]).reshape(-1, 2)
+        scores = np.empty(len(along))
+        score(pairs, along, np.repeat(banded, BAND_POSES), table.arrays, scores)
+        rows = scores.reshape(-1, BAND_POSES)
+        weight = np.exp(rows - rows.max(axis=1, keepdims=True))
+        out[banded] = (weight * away**2).sum(axis=1) / weight.sum(axis=1)
+    return out
 
 
 def _widened(covariance: FloatArray, band: FloatArray) -> FloatArray:
