@@ -59,6 +59,7 @@ HARD = ((25, 0.5), (25, 0.8), (25, 0.9), (100, 0.5), (100, 0.8), (100, 0.9), (10
 IMAGE_NOISE = 0.002
 IMAGES = CorrespondenceSimulator(field_of_view=(np.radians(90), np.radians(70)), noise=IMAGE_NOISE)
 PERSPECTIVE_TARGETS = {(25, 0.8): 0.76, (100, 0.8): 0.99}
+SEARCH_BINS, SEARCH_CANDIDATES = (64, 80, 128), (3, 5, 8, 16, 32)
 SEARCHED = tuple(sorted({*TARGETS, *((n, share) for n in (25, 100) for share in (0.0, 0.5))}))
 ALIKE = 0.02
 """Radians within which two poses are the same."""
@@ -404,14 +405,14 @@ def draw_search(rows: Sequence[tuple[Any, ...]], path: Path) -> None:
     for (name, count), panel in zip(dict.fromkeys(row[:2] for row in rows), axes.flat, strict=True):
         shares = sorted({row[2] for row in rows if row[:2] == (name, count)})
         for color, share in zip(CYCLE, shares, strict=False):
-            for bins, style in ((64, ".-"), (128, ".--")):
+            for bins, style in zip(SEARCH_BINS, (".-", ".--", ".:"), strict=True):
                 some = [row[4:9] for row in rows if row[:4] == (name, count, share, bins)]
                 x, _, rate, low, high = np.array(some).T
                 bars = (rate - low, high - rate)
                 label = f"{share:.0%}, {bins} bins"
                 panel.errorbar(x, rate, bars, fmt=style, color=color, lw=1.2, label=label)
         panel.set(xscale="log", ylim=(0.2, 1.02), title=f"{name}, {count} correspondences")
-        panel.set_xticks([4, 8, 16, 32, 64], ["4", "8", "16", "32", "64"])
+        panel.set_xticks(SEARCH_CANDIDATES, [str(c) for c in SEARCH_CANDIDATES])
         panel.minorticks_off()
         panel.legend(frameon=False, fontsize=8, ncols=2, loc="lower right")
         tidy(panel)
@@ -425,7 +426,7 @@ def draw_search(rows: Sequence[tuple[Any, ...]], path: Path) -> None:
 def search(pairs: int, quick: bool, output: Path) -> list[tuple[Any, ...]]:
     """Measure how often the search from coarse to fine finds the exhaustive one's pose."""
     pairs = pairs // 4 if quick else pairs
-    tried = [(bins, candidates) for bins in (64, 128) for candidates in (4, 8, 16, 32, 64)]
+    tried = [(bins, candidates) for bins in SEARCH_BINS for candidates in SEARCH_CANDIDATES]
     runs = [
         ("panoramas", LikelihoodTable.default(), CorrespondenceSimulator(), SEARCHED, 256),
         ("90 by 70 degrees", LikelihoodTable.default("perspective"), IMAGES, HARD, 512),

@@ -23,6 +23,7 @@ from pflut.relpose.estimate import (
 from pflut.relpose.kernels import (
     _residual,
     _solve,
+    choose,
     judge,
     log_false_alarms,
     refine,
@@ -501,3 +502,19 @@ def test_misuse(kind: str, request: pytest.FixtureRequest, noise: float) -> None
     for polish in (True, False):
         with pytest.raises(ValueError, match="noise: expected radians"):
             estimate_relative_pose(Correspondences.empty(), table, noise=noise, polish=polish)
+
+
+def test_choose_equals_sorting() -> None:
+    rng = np.random.default_rng(0)
+    for count in (1, 2, 3, 9):
+        owners = np.sort(rng.integers(0, 30, 100))
+        values = rng.normal(size=100)
+        chosen = np.empty(100, np.int64)
+        total = choose(values, owners, count, chosen)
+        expected = [
+            m
+            for owner in np.unique(owners)
+            for m in sorted(np.flatnonzero(owners == owner), key=lambda m: -values[m])[:count]
+        ]
+        assert chosen[:total].tolist() == expected
+    assert choose(np.empty(0), np.empty(0, np.int64), 1, np.empty(0, np.int64)) == 0

@@ -216,6 +216,28 @@ def log_false_alarms(inliers, total, share, cutoff):  # type: ignore[no-untyped-
 
 
 @jit
+def choose(values, owners, count, chosen):  # type: ignore[no-untyped-def]
+    """Choose the ``count`` highest ``values`` (m,) of each owner, the highest first.
+
+    ``owners`` (m,) ascending. ``chosen`` (m,) int64 out, of which the first ones are filled: as
+    many as is returned.
+    """
+    total = begin = 0
+    for m in range(values.size):
+        if m == 0 or owners[m] != owners[m - 1]:
+            begin = total
+        k = total
+        while k > begin and values[chosen[k - 1]] < values[m]:
+            if k < begin + count:
+                chosen[k] = chosen[k - 1]
+            k -= 1
+        if k < begin + count:
+            chosen[k] = m
+            total = min(total + 1, begin + count)
+    return total
+
+
+@jit
 def judge(columns, first, poses, cutoff, shifts, inliers, alarms):  # type: ignore[no-untyped-def]
     """Count what agrees with the pose of each pair, and tell whether coincidence would bring it.
 

@@ -12,12 +12,12 @@ from pflut.correspondences import Correspondences
 from pflut.geometry import TWO_PI, FloatArray, rotation_from_headings, wrap_to_pi
 from pflut.likelihood.residual_kernels import PairArrays, maximize, score
 from pflut.likelihood.table import LikelihoodTable, sines_and_cosines
-from pflut.relpose.kernels import judge, refine_many
+from pflut.relpose.kernels import choose, judge, refine_many
 from pflut.relpose.result import UNIFORM_VARIANCE, RelativePose
 
-COARSE_BINS = {0.005: 64, 0.0: 128}
+COARSE_BINS = {0.005: 80, 0.0: 128}
 """Cells an axis of the grid in which candidates are looked for, by the table's least noise."""
-MOST_CANDIDATES = 8
+MOST_CANDIDATES = 5
 MARGIN = 10.0
 """Nats below a coarse grid's maximum at which a candidate is given up."""
 CUTOFFS = (6.0, 3.0)
@@ -32,7 +32,7 @@ SHIFTS = 16
 MAX_FALSE_ALARMS = 0.01
 BAND = 0.04
 """Radians of the rotation within which poses count as one turn on the spot."""
-BAND_MARGIN = 5.0
+BAND_MARGIN = 3.0
 """Nats below the estimate within which another pose makes its rotation's band worth a look."""
 BAND_POSES = 24
 PAIRS_A_TASK = 128
@@ -64,7 +64,7 @@ def estimate_relative_poses(
     noise : float, optional
         Standard deviation of the bearings, radians. Default: as the table has learned it.
     bins : int, optional
-        Cells an axis of the coarse grid. Default: 64, or 128 where the table's noise is below
+        Cells an axis of the coarse grid. Default: 80, or 128 where the table's noise is below
         0.005 rad.
     candidates : int
         Candidates a pair, at most. How often a better pose is missed: docs/results.md.
@@ -175,11 +175,8 @@ def _gather(
 
 def _best(values: FloatArray, owners: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     """Choose the ``count`` candidates of highest value of each pair, in the pairs' order."""
-    order = np.lexsort((-values, owners))
-    own = owners[order]
-    starts = np.flatnonzero(np.append(True, own[1:] != own[:-1]))
-    rank = np.arange(len(order)) - np.repeat(starts, np.diff(np.append(starts, len(order))))
-    return order[rank < count]
+    out = np.empty(len(values), np.int64)
+    return out[: choose(values, owners, count, out)]
 
 
 def _covariances(information: FloatArray, noise: float) -> FloatArray:
