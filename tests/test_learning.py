@@ -22,19 +22,15 @@ from pflut.likelihood.axes import (
     parallax_lookup,
     residual_nodes,
 )
-from pflut.likelihood.learning import (
-    BLOCK,
+from pflut.likelihood.counts import SHAPE_CELLS, Counts
+from pflut.likelihood.fitting import _decreasing, fit, quality_ratio
+from pflut.likelihood.learning import BLOCK, count_simulated
+from pflut.likelihood.pair_learning import (
     CHANCE_SAMPLES,
-    SHAPE_CELLS,
-    Counts,
     _count_quality,
-    _decreasing,
     as_slopes,
     count_pairs,
-    count_simulated,
-    fit,
     pose_weights,
-    quality_ratio,
 )
 from pflut.likelihood.residual_kernels import _uniform, count_chance, count_true
 from pflut.likelihood.table import QUALITY_CELLS, LikelihoodTable, bearing_columns

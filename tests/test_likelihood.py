@@ -28,7 +28,7 @@ from pflut.likelihood.axes import (
     parallax_positions,
     residual_nodes,
 )
-from pflut.likelihood.learning import SHAPE_CELLS
+from pflut.likelihood.counts import SHAPE_CELLS
 from pflut.likelihood.residual_kernels import (
     NOTHING,
     PairArrays,

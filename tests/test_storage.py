@@ -14,9 +14,9 @@ import pytest
 
 from pflut.likelihood import dense, table
 from pflut.likelihood.axes import ELEVATION_CELLS, PARALLAX_CELLS, RESIDUAL_CELLS
+from pflut.likelihood.counts import SHAPE_CELLS
 from pflut.likelihood.dense import DenseTable
 from pflut.likelihood.files import load_table
-from pflut.likelihood.learning import SHAPE_CELLS
 from pflut.likelihood.storage import FORMAT, VERSION, _checksum
 from pflut.likelihood.table import QUALITY_CELLS, LikelihoodTable
 from pflut.simulation.correspondences import CorrespondenceSimulator

@@ -21,14 +21,10 @@ from pflut.likelihood.axes import (
     parallax_positions,
     residual_nodes,
 )
-from pflut.likelihood.learning import (
-    SHAPE_CELLS,
-    Pair,
-    count_pairs,
-    count_simulated,
-    fit,
-    quality_ratio,
-)
+from pflut.likelihood.counts import SHAPE_CELLS
+from pflut.likelihood.fitting import fit, quality_ratio
+from pflut.likelihood.learning import count_simulated
+from pflut.likelihood.pair_learning import Pair, count_pairs
 from pflut.likelihood.residual_kernels import (
     PairArrays,
     TableArrays,
