@@ -228,10 +228,9 @@ def _shares(
 
     ``density`` over the parallaxes ``centers``; ``steps`` (s,) the parallaxes of the middle lane.
     """
-    plateau = max(density[(centers > PLATEAU) & (centers < 10.0 * PLATEAU)].mean(), 1e-9)
     gammas = np.linspace(-1.0, 1.0, FINE)
-    rise = np.maximum.accumulate(np.interp(gammas, centers, density / plateau))
-    rise = np.where(gammas < PLATEAU, rise, 1.0).clip(0.0, 1.0)
+    rise = np.interp(np.minimum(gammas, PLATEAU), centers, density)
+    rise = (np.maximum.accumulate(rise) / max(rise[-1], 1e-9)).clip(0.0, 1.0)
     integral = np.append(0.0, np.cumsum(0.5 * (rise[1:] + rise[:-1]))) * (gammas[1] - gammas[0])
     signs = np.array([-1.0, 1.0])
     away = (lanes - MIDDLE) * cell
