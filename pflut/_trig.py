@@ -1,8 +1,8 @@
 """Fast trigonometry for kernels.
 
-The only kernels that other files' kernels call. Numba's cache does not notice a change in a callee
-of another file (numba#1833), so whoever edits this file deletes the cache (``NUMBA_CACHE_DIR`` or
-``__pycache__``).
+Kernels of other files call these, and else only those of their own: Numba's cache does not notice a
+change in a callee of another file (numba#1833), so whoever edits this file deletes the cache
+(``NUMBA_CACHE_DIR`` or ``__pycache__``).
 """
 
 from __future__ import annotations

@@ -58,6 +58,9 @@ class Correspondences:
                 raise ValueError(
                     f"{name}: value {row} is {values[row]:.6g}, expected radians in [-pi/2, pi/2]"
                 )
+            elif name == "quality" and ((values < 0.0) | (values > 1.0)).any():
+                row = int(np.flatnonzero((values < 0.0) | (values > 1.0))[0])
+                raise ValueError(f"{name}: value {row} is {values[row]:.6g}, expected 0 to 1")
             object.__setattr__(self, name, values)
 
     def __len__(self) -> int:

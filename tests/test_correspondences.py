@@ -63,3 +63,9 @@ def test_misuse_names_the_field(change: dict, message: str) -> None:
     fields = {name: [0.0, 0.0] for name in FIELDS[:4]}
     with pytest.raises(ValueError, match=message):
         Correspondences(**(fields | change))
+
+
+@pytest.mark.parametrize("quality", [-0.5, 1.5])
+def test_quality_beyond_its_range_is_named(quality: float) -> None:
+    with pytest.raises(ValueError, match="quality: value 1 is"):
+        Correspondences([1.0, 2.0], [0.1, 0.1], [1.0, 2.0], [0.1, 0.1], [0.5, quality])

@@ -569,3 +569,19 @@ def test_slopes_of_correspondences() -> None:
     assert (as_slopes(c) == expected).all()
     assert SHAPE_CELLS == RATIO_CELLS * ELEVATION_CELLS
     assert Counts.zeros(2).profile.shape == (ELEVATION_CELLS, RESIDUAL_CELLS + 1)
+
+
+def test_three_pairs_learn_no_garbage(default_table: LikelihoodTable) -> None:
+    """What three pairs cannot say is the prior's, whatever they happen to be."""
+    for seed in range(6):
+        simulator = CorrespondenceSimulator(mismatch=0.5)
+        pairs = [simulator.pair(40, 100 * seed + k) for k in range(3)]
+        table = LikelihoodTable.from_pairs(pairs, prior=default_table, seed=seed)
+        assert table.noise == pytest.approx(default_table.noise, rel=0.2)
+        assert table.profile[:, residual_nodes() > 0.16].max() < 1e-3
+
+
+def test_headings_that_are_not_finite_are_named(default_table: LikelihoodTable) -> None:
+    c = CorrespondenceSimulator(mismatch=0.5).pair(40, 0)[0]
+    with pytest.raises(ValueError, match="finite headings"):
+        LikelihoodTable.from_pairs([(c, np.nan, 1.0)], prior=default_table)

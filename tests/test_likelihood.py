@@ -565,3 +565,11 @@ def test_angles_of_any_turn_are_the_same(default_table: LikelihoodTable) -> None
     wound = headings + np.array([TWO_PI, -2 * TWO_PI])
     value = default_table.log_likelihood(c, [headings, wound, wrap_to_2pi(headings)])
     assert value == pytest.approx(value[0], abs=0.2)
+
+
+@pytest.mark.parametrize("bins", [64.0, 64.5, "64", 3, 1025])
+def test_bins_that_are_no_number_of_cells_are_named(default_table: LikelihoodTable, bins) -> None:
+    c = Correspondences([1.0], [0.1], [1.0], [0.2])
+    with pytest.raises(ValueError, match="bins: expected 4 to 1024, an integer"):
+        default_table.log_likelihood_grid(c, bins)
+    assert default_table.log_likelihood_grid(c, 64).shape == (64, 64)

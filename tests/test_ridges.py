@@ -1,4 +1,4 @@
-"""The grid of the residual table: ridges, their maxima, and the arithmetic on eight lanes."""
+"""The grid of the residual table: ridges, their maxima, and arithmetic on many numbers."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from pflut._jit import jit
 from pflut._lanes import HALF, LANES, add_lanes, add_scaled, add_shares, add_transposed
 from pflut.correspondences import Correspondences
 from pflut.geometry import TWO_PI, wrap_to_pi
+from pflut.likelihood.axes import residual_nodes
 from pflut.likelihood.ridge_kernels import FULL, NATS, _largest, _log_mean_exp, _maxima
 from pflut.likelihood.table import LikelihoodTable, bearing_columns
 from pflut.simulation.correspondences import CorrespondenceSimulator
@@ -104,13 +105,27 @@ def test_grid_of_many_is_the_log_of_the_mean_ratios(default_table: LikelihoodTab
     assert np.abs(wrap_to_pi(place * TWO_PI / 64 - [theta, phi])).max() < 1.5 * TWO_PI / 64
 
 
+def test_grid_of_the_perspective_table_is_the_log_of_the_mean_ratio() -> None:
+    """Of all elevations that its cameras see; no more than them were met in learning."""
+    table = LikelihoodTable.default("perspective")
+    for least, r in ((0.1, (0.5, 0.9)), (0.4, (0.5, 0.9))):
+        c = of_shapes(40, 3, least, r)
+        c = c[np.maximum(abs(c.elevation_l), abs(c.elevation_r)) < least + 0.15][:8]
+        peaks = []
+        for grid, expected in compared(table, c, 64, 16):
+            assert np.corrcoef(grid.ravel(), expected.ravel())[0, 1] > 0.85
+            peaks.append(grid.max() - expected.max())
+        assert len(peaks) >= 3
+        assert abs(np.median(peaks)) < 0.5
+
+
 def test_profile_and_odds_shift_the_levels(default_table: LikelihoodTable) -> None:
     """Other shares of mismatches make other heights, without learning anything anew."""
     c = of_shapes(6, 5, 0.3, (0.1, 0.8))
-    for mismatch in (0.3, 0.98):
+    for mismatch in (0.02, 0.3, 0.98):
         table = dataclasses.replace(default_table, mismatch=mismatch)
         for grid, expected in compared(table, c, 48, 14):
-            assert np.corrcoef(grid.ravel(), expected.ravel())[0, 1] > 0.92
+            assert np.corrcoef(grid.ravel(), expected.ravel())[0, 1] > 0.88
             assert grid.max() == pytest.approx(expected.max(), abs=0.75)
             assert grid.min() == pytest.approx(expected.min(), abs=0.1)
 
@@ -205,6 +220,46 @@ def test_no_plane_overflows(default_table: LikelihoodTable) -> None:
     many = default_table.log_likelihood_grid(c[np.arange(1000) % 2], 64)
     assert 500 * one.max() > 2 * FULL * NATS
     assert np.abs(many - 500 * one).max() < 0.05
+
+
+@pytest.mark.parametrize("bins", [4, 5, 8, 12, 23])
+def test_no_plane_of_few_cells_overflows(default_table: LikelihoodTable, bins: int) -> None:
+    """Profiles that are wider than the grid fold onto the same cells again and again."""
+    wide = np.interp(residual_nodes() / 25.0, residual_nodes(), default_table.profile[5])
+    table = dataclasses.replace(
+        default_table, profile=np.tile(wide, (len(default_table.profile), 1)), mismatch=0.1
+    )
+    c = of_shapes(2, 7, 0.3, (0.9, 0.99))
+    one = table.log_likelihood_grid(c, bins).astype(float)
+    many = table.log_likelihood_grid(c[np.arange(1000) % 2], bins)
+    assert np.abs(many - 500 * one).max() < 0.05
+
+
+def test_a_point_on_the_horizon_is_as_one_beside_it(default_table: LikelihoodTable) -> None:
+    for elevation in (0.01, 0.05, 0.3):
+        exact = Correspondences(1.0, 0.0, 2.0, elevation)
+        beside = Correspondences(1.0, 1e-9, 2.0, elevation)
+        grids = [default_table.log_likelihood_grid(c, 64) for c in (exact, beside)]
+        # but for an eighth of a cell, by which the curve may be rounded to the other side
+        assert grids[0].max() == pytest.approx(grids[1].max(), abs=0.3)
+        assert np.abs(grids[0] - grids[1]).mean() < 0.05
+
+
+def test_extreme_odds_are_bounded(default_table: LikelihoodTable) -> None:
+    c = simulated(30, 0)
+    opposite = Correspondences([1.0, 2.0], [0.4, -0.7], [3.0, 5.0], [-0.4, 0.2])
+    for mismatch in (1e-310, 1e-20, 1e-9, 1.0 - 1e-16):
+        table = dataclasses.replace(default_table, mismatch=mismatch)
+        assert 1e-6 <= table.prior_odds <= 1e6
+        grid = table.log_likelihood_grid(c, 32)
+        assert np.isfinite(grid).all()
+        assert (table.log_likelihood_grid(opposite, 32).max() <= 0.01).all()
+
+
+def test_a_profile_that_never_falls_has_a_grid(default_table: LikelihoodTable) -> None:
+    for profile in (np.ones_like(default_table.profile), np.zeros_like(default_table.profile)):
+        table = dataclasses.replace(default_table, profile=profile)
+        assert np.isfinite(table.log_likelihood_grid(simulated(10, 0), 32)).all()
 
 
 def test_grid_of_thousands_is_finite(default_table: LikelihoodTable) -> None:
@@ -370,7 +425,7 @@ def test_maxima_equal_their_naive_twin(bins: int) -> None:
 
 
 def test_maxima_of_plateaus_are_found_once() -> None:
-    """Of cells that are equal, one is the maximum, wherever the plateau is cut by the border."""
+    """Of cells that are equal no more than one is a maximum, wherever the border cuts them."""
     for shift in range(8):
         grid = np.zeros((8, 8), np.float32)
         grid[2:4, 3:5] = 1.0

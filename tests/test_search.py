@@ -18,7 +18,7 @@ from pflut.posterior import pose_posterior
 from pflut.relpose.estimate import estimate_relative_pose
 from pflut.relpose.ransac import ransac_headings
 from pflut.relpose.result import UNIFORM_VARIANCE, RelativePose
-from pflut.relpose.search import COARSE_BINS, PAIRS_A_TASK, estimate_relative_poses
+from pflut.relpose.search import COARSE, PAIRS_A_TASK, estimate_relative_poses
 from pflut.simulation.correspondences import CorrespondenceSimulator
 
 PAIRS = 1000
@@ -123,7 +123,7 @@ def test_result_is_consistent(default_table: LikelihoodTable, estimated) -> None
         assert -np.pi < e.heading_l <= np.pi
         assert -np.pi < e.heading_r <= np.pi
         assert e.covariance.shape == (2, 2)
-        grid = pose_posterior(c, default_table, bins=COARSE_BINS[0.005])
+        grid = pose_posterior(c, default_table, bins=COARSE[0.005][0])
         assert e.log_evidence == pytest.approx(grid.log_evidence, abs=0.02)
 
 

@@ -60,6 +60,10 @@ def fit(
     inside = _by_elevation(counts.inside.sum(axis=0))
     chance_inside = _by_elevation(counts.chance_inside) / num_chance
     inside = np.maximum(inside - mismatch * counts.profile.sum() * chance_inside, 0.0)
+    if prior is not None:
+        # the bearings of a few pairs do not meet every residual: chance spreads as it does in all
+        by_chance = chance_inside[:, None] * by_chance.sum(axis=0) / max(chance_inside.sum(), 1e-12)
+        residuals = np.where(far_cells(), 0.0, residuals)
     scale = chance_inside / np.maximum(inside, 1e-9)
     cells = residuals / np.maximum(by_chance, 0.5 / num_chance) * scale[:, None]
     cells = np.where(inside[:, None] > 0.0, cells, 0.0)[:, :RESIDUAL_CELLS]

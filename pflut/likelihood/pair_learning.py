@@ -65,6 +65,9 @@ def count_pairs(
     if not kept:
         raise ValueError("pairs: expected at least one pair with at least one correspondence")
     lookup = parallax_lookup()
+    for _, *pose in kept:
+        if not np.isfinite(pose).all():
+            raise ValueError(f"pairs: expected finite headings, got {pose}")
     headings = np.array([[wrap_to_2pi(left), wrap_to_2pi(right)] for _, left, right in kept])
     lengths = np.array([len(correspondences) for correspondences, _, _ in kept])
     weights = pose_weights(headings, lengths) if compensate else np.ones(len(kept))

@@ -34,8 +34,10 @@ NATS = 1.0 / 128.0
 """What a unit of a profile, and of a plane, is worth."""
 FULL = 65535
 """The largest number in a plane."""
-LEVEL_MIN, LEVEL_STEP, NUM_LEVELS = -3.0, 0.25, 48
-"""Levels of log(odds times density times the profile's height)."""
+LEVEL_MIN, LEVEL_STEP, NUM_LEVELS = -3.0, 0.25, 64
+"""Levels of log(odds times density times the profile's height); what is higher has the last one."""
+MOST_SHIFT = 100
+"""Levels by which odds count at most, of 16 nats on either side."""
 LEVEL_STEPS = 288
 """Steps of the parallax from LEVEL_FROM to pi, in which a landmark's level is looked up; the first
 one is for none."""
@@ -273,7 +275,7 @@ def _stamp(addresses, first, last, shape, shift, ridges, plane, stride):  # type
     for i in range(first, last):
         address = np.int64(addresses[np.uintp(i)])
         step = address & ((1 << STEP_BITS) - 1)
-        level = np.int64(levels[shape, np.uintp(step)]) + shift
+        level = min(np.int64(levels[shape, np.uintp(step)]) + shift, NUM_LEVELS - 1)
         if level >= 0:
             profile = address >> (STEP_BITS + 1 + COLUMN_BITS)
             start = profile * LANES + level * size
@@ -303,12 +305,12 @@ def _add_ridge(line, r, shape, shift, ridges, crossings, bits, addresses, plane,
     """
     bins = ridges.turns.shape[1]
     half, base, extent = addresses.size // 2, ridges.bases[shape], ridges.extent
-    noise = ridges.noise if r > 0.0 else np.float32(0.0)
-    side = np.float32(1.0) if r > 0.0 else np.float32(0.0)
+    noise = ridges.noise if r >= 0.0 else np.float32(0.0)
+    side = np.float32(1.0) if r >= 0.0 else np.float32(0.0)
     _crossings(line, ridges.turns, noise, half, crossings)
     _addresses(line, 0, half, half, side, base, extent, crossings, bits, addresses)
     _stamp(addresses, 0, bins, shape, shift, ridges, plane, stride)
-    if not r > 0.0:
+    if not r >= 0.0:
         return
     # the obtuse branch: its lines of sight diverge by (1 - r) |u| at least, but its ridge is wide
     p, q, c = line[4], line[5], max(line[6], np.float32(0.0))
@@ -380,11 +382,11 @@ def ridge_grid(columns, shapes, odds, first, last, ridges, out):  # type: ignore
         one = odds[first + i]
         if i == 0 or one != odds[first + i - 1]:
             rest = np.log1p(one)
-            shift = np.int64(np.rint(np.log(one) / LEVEL_STEP))
+            levels = min(max(np.log(one) / LEVEL_STEP, -MOST_SHIFT), MOST_SHIFT)
+            shift = np.int64(np.rint(levels))
         constant -= rest
         highest = ridges.highest[shapes[first + i]]
-        # the highest level of a shape must stay within the profiles
-        shifts[i] = min(shift, NUM_LEVELS - 1 - highest)
+        shifts[i] = shift
         if highest + shift < 0 or ratios[i] != ratios[i]:
             views[i] = -1
     out[:] = constant
@@ -399,9 +401,10 @@ def ridge_grid(columns, shapes, odds, first, last, ridges, out):  # type: ignore
         for i in range(n):
             if views[i] != view:
                 continue
-            # both branches may come into the same cell
             shape = shapes[first + i]
-            peak = 2 * ridges.peaks[ridges.highest[shape] + shifts[i]]
+            # both branches may come into the same cell, and in small grids a profile more than once
+            level = min(ridges.highest[shape] + shifts[i], NUM_LEVELS - 1)
+            peak = 2 * ridges.peaks[level] * (1 + (BLOCKS * LANES - 1) // bins)
             if load + peak > FULL:
                 _fold(plane, bins, stride)
                 _join(plane, bins, stride, view == 1, out)

@@ -14,11 +14,13 @@ from pflut.likelihood.axes import (
     NEGATIVE_CELLS,
     PARALLAX_CELLS,
     RATIO_CELLS,
+    RESIDUAL_CELLS,
     parallax_edges,
     residual_nodes,
 )
 from pflut.likelihood.ridge_kernels import (
     BLOCKS,
+    COLUMN_BITS,
     GROWTH_OCTAVES,
     LEVEL_FROM,
     LEVEL_MIN,
@@ -150,8 +152,13 @@ def make_ridges(density: NDArray[np.floating], profile: NDArray[np.floating], bi
     Ridges
     """
     kinds = ELEVATION_CELLS // ELEVATIONS_A_KIND
-    height = np.maximum(profile[:, : profile.shape[1] // 8].mean(axis=1), 1e-9)
-    kind_profiles = (profile / height[:, None]).reshape(kinds, ELEVATIONS_A_KIND, -1).mean(axis=1)
+    height = profile[:, : profile.shape[1] // 8].mean(axis=1)
+    # elevations that were hardly met have no profile of their own
+    met = height > 1e-3 * height.max()
+    height = np.maximum(height, 1e-9)
+    shapes = (profile / height[:, None] * met[:, None]).reshape(kinds, ELEVATIONS_A_KIND, -1)
+    of_kind = np.maximum(met.reshape(kinds, ELEVATIONS_A_KIND).sum(axis=1), 1)
+    kind_profiles = shapes.sum(axis=1) / of_kind[:, None]
     elevation = np.arange(density.shape[1]) % ELEVATION_CELLS
     steps = LEVEL_FROM + (np.arange(LEVEL_STEPS + 1) + 0.5) * ((np.pi - LEVEL_FROM) / LEVEL_STEPS)
     edges = parallax_edges()
@@ -184,6 +191,9 @@ def make_ridges(density: NDArray[np.floating], profile: NDArray[np.floating], bi
             mean = _cell_mean(kind_profiles, offsets, growth * cell, slope)
             values = np.log1p(ratios[:, None, None, None, None] * mean) / NATS
             profiles[:, :, :, k, m] = np.rint(values).transpose(2, 0, 1, 3, 4)
+    # what an address has bits for
+    assert profiles[0, 0].size // LANES <= 1 << (31 - STEP_BITS - 1 - COLUMN_BITS)
+    assert bins < 1 << COLUMN_BITS and len(steps) < 1 << STEP_BITS
     angles = (np.arange(bins) + 0.5) * cell
     classes = NUM_SLOPES * SUBCELLS
     # a block has as many cells on the near side
@@ -198,7 +208,7 @@ def make_ridges(density: NDArray[np.floating], profile: NDArray[np.floating], bi
             wide=int(np.searchsorted(least, near_by)) * classes,
             near=int(np.searchsorted(steps, (MIDDLE + 2) * cell)),
             far=int(np.searchsorted(steps, (MIDDLE + 2 + LANES) * cell)),
-            noise=np.float32(residual_nodes()[(kind_profiles.mean(axis=0) > 0.5).sum()]),
+            noise=np.float32(_half_height(kind_profiles)),
             extent=np.float32(_extent(kind_profiles, TYPICAL_RATIO)),
             shares=_shares(
                 density[1:, ~apart].sum(axis=1, dtype=np.float64), centers, steps, lanes, cell
@@ -246,6 +256,12 @@ def _shares(
     part = np.log1p(TYPICAL_RATIO * mean) / np.log1p(TYPICAL_RATIO)
     shares[:, : len(steps)] = np.sqrt(part)
     return np.asarray(np.rint(shares * 65535), dtype=np.uint16).ravel()
+
+
+def _half_height(profiles: FloatArray) -> float:
+    """Give the residual at which the profiles' mean falls to half its height, radians."""
+    above = int((profiles.mean(axis=0) > 0.5 * profiles.mean(axis=0)[0]).sum())
+    return float(residual_nodes()[min(above, RESIDUAL_CELLS)])
 
 
 def _extent(profiles: FloatArray, ratio: float) -> float:

@@ -47,6 +47,8 @@ LEARNING_VERSION = 1
 MIN_BINS, MAX_BINS = 4, 1024
 QUALITY_CELLS = 20
 """Cells of the quality's axis, if a table has it, over [0, 1]."""
+LEAST_ODDS = 1e-6
+"""Nothing is surer to be a mismatch, or a true match, than that."""
 
 
 def sines_and_cosines(
@@ -151,7 +153,7 @@ class LikelihoodTable:
     @property
     def prior_odds(self) -> float:
         """Odds of a correspondence of being a true match, if nothing is known of it."""
-        return (1.0 - self.mismatch) / self.mismatch
+        return min(max((1.0 - self.mismatch) / self.mismatch, LEAST_ODDS), 1.0 / LEAST_ODDS)
 
     @cached_property
     def arrays(self) -> TableArrays:
@@ -175,8 +177,8 @@ class LikelihoodTable:
         Ridges
         """
         bins = self.bins if bins is None else bins
+        check_bins(bins)
         if bins not in self._ridges:
-            check_bins(bins)
             self._ridges[bins] = make_ridges(self.density.mean(axis=2), self.profile, bins)
         return self._ridges[bins]
 
@@ -209,7 +211,8 @@ class LikelihoodTable:
         odds: FloatArray = np.full(len(correspondences), self.prior_odds)
         if self.quality is not None and correspondences.quality is not None:
             cells = (correspondences.quality * QUALITY_CELLS).astype(np.int64)
-            odds = np.maximum(odds * self.quality[cells.clip(0, QUALITY_CELLS - 1)], 1e-6)
+            odds = odds * self.quality[cells.clip(0, QUALITY_CELLS - 1)]
+            odds = odds.clip(LEAST_ODDS, 1.0 / LEAST_ODDS)
         return odds
 
     def log_likelihood_grid(
@@ -509,5 +512,5 @@ class LikelihoodTable:
 
 def check_bins(bins: int) -> None:
     """Raise ValueError if a grid cannot have so many cells an axis."""
-    if not MIN_BINS <= bins <= MAX_BINS:
-        raise ValueError(f"bins: expected {MIN_BINS} to {MAX_BINS}, got {bins}")
+    if not isinstance(bins, (int, np.integer)) or not MIN_BINS <= bins <= MAX_BINS:
+        raise ValueError(f"bins: expected {MIN_BINS} to {MAX_BINS}, an integer, got {bins!r}")

@@ -15,9 +15,9 @@ from pflut.likelihood.table import LikelihoodTable, sines_and_cosines
 from pflut.relpose.kernels import choose, judge, refine_many
 from pflut.relpose.result import UNIFORM_VARIANCE, RelativePose
 
-COARSE_BINS = {0.005: 80, 0.0: 128}
-"""Cells an axis of the grid in which candidates are looked for, by the table's least noise."""
-MOST_CANDIDATES = 5
+COARSE = {0.005: (80, 5), 0.0: (128, 8)}
+"""Cells an axis of the grid in which candidates are looked for, and how many of them, by the table's
+least noise."""
 MARGIN = 10.0
 """Nats below a coarse grid's maximum at which a candidate is given up."""
 CUTOFFS = (6.0, 3.0)
@@ -44,7 +44,7 @@ def estimate_relative_poses(
     *,
     noise: float | None = None,
     bins: int | None = None,
-    candidates: int = MOST_CANDIDATES,
+    candidates: int | None = None,
     num_threads: int = 1,
 ) -> list[RelativePose]:
     """Estimate the relative poses of many pairs of views by maximum likelihood.
@@ -66,8 +66,8 @@ def estimate_relative_poses(
     bins : int, optional
         Cells an axis of the coarse grid. Default: 80, or 128 where the table's noise is below
         0.005 rad.
-    candidates : int
-        Candidates a pair, at most. How often a better pose is missed: docs/results.md.
+    candidates : int, optional
+        Candidates a pair, at most. Default: 5, or 8 with such a table. How often a better pose is missed: docs/results.md.
     num_threads : int
         Threads over which pairs are spread.
 
@@ -90,11 +90,12 @@ def estimate_relative_poses(
     noise = table.noise if noise is None else noise
     if not 0.0 < noise < np.pi / 2:
         raise ValueError(f"noise: expected radians in (0, pi/2), got {noise}")
+    coarse, most = next(pair for least, pair in COARSE.items() if table.noise >= least)
+    bins = coarse if bins is None else bins
+    candidates = most if candidates is None else candidates
     for name, value in (("candidates", candidates), ("num_threads", num_threads)):
         if value < 1:
             raise ValueError(f"{name}: expected at least 1, got {value}")
-    if bins is None:
-        bins = next(bins for least, bins in COARSE_BINS.items() if table.noise >= least)
     table.ridges(bins)  # made before threads would make them twice
     tasks = [pairs[i : i + PAIRS_A_TASK] for i in range(0, len(pairs), PAIRS_A_TASK)]
 
