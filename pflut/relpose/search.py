@@ -16,8 +16,8 @@ from pflut.relpose.kernels import choose, judge, refine_many
 from pflut.relpose.result import UNIFORM_VARIANCE, RelativePose
 
 COARSE = {0.005: (80, 5), 0.0: (128, 8)}
-"""Cells an axis of the grid in which candidates are looked for, and how many of them, by the table's
-least noise."""
+"""Cells an axis of the grid in which candidates are looked for, and how many of them there are, by
+the table's least noise."""
 MARGIN = 10.0
 """Nats below a coarse grid's maximum at which a candidate is given up."""
 CUTOFFS = (6.0, 3.0)
@@ -67,7 +67,8 @@ def estimate_relative_poses(
         Cells an axis of the coarse grid. Default: 80, or 128 where the table's noise is below
         0.005 rad.
     candidates : int, optional
-        Candidates a pair, at most. Default: 5, or 8 with such a table. How often a better pose is missed: docs/results.md.
+        Candidates a pair, at most. Default: 5, or 8 with such a table. How often a better pose is
+        missed: docs/results.md.
     num_threads : int
         Threads over which pairs are spread.
 
