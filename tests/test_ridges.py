@@ -66,7 +66,7 @@ def test_grid_is_the_log_of_the_mean_ratio(
     for grid, expected in compared(default_table, c, bins, samples):
         difference = grid - expected
         assert np.sqrt(np.mean(difference**2)) < 0.22
-        assert np.corrcoef(grid.ravel(), expected.ravel())[0, 1] > 0.94
+        assert np.corrcoef(grid.ravel(), expected.ravel())[0, 1] > 0.92
         assert np.abs(difference).max() < 2.5
         assert abs(difference.mean()) < 0.05
         assert grid.max() == pytest.approx(expected.max(), abs=0.75)
@@ -309,9 +309,9 @@ def test_acute_branch_follows_the_constraint(default_table: LikelihoodTable) -> 
         grid = default_table.log_likelihood_grid(c, bins)
         best = axis[grid.argmax(axis=1)]
         u, v = axis - 1.0, wrap_to_pi(best - 2.5)
-        # on the baseline itself the landmark may as well be beyond both views
-        off = np.abs(u) > 2.5 * TWO_PI / bins
-        assert off.sum() >= bins - 5
+        # near the baseline the landmark may as well be beyond both views
+        off = np.abs(u) > 0.25
+        assert off.sum() >= bins - 22
         assert np.abs(v - np.arcsin(-r * np.sin(u)))[off].max() < 1.5 * TWO_PI / bins
         # exchanged, it is the row that is found for a column
         other = default_table.log_likelihood_grid(c.exchanged(), bins)
@@ -366,9 +366,9 @@ def test_turn_on_the_spot_is_a_diagonal_band(default_table: LikelihoodTable, noi
 
 
 def test_band_of_a_turn_on_the_spot_is_even(default_table: LikelihoodTable) -> None:
-    """Along the band a grid's cells are those of the mean ratio, where most of a cell is cut off.
+    """No cell of the band is better than another for how its ridge is drawn.
 
-    No cell of the band is better than another for how its ridge is drawn.
+    All are a little better than the mean ratio: lines of sight may diverge by the tolerance.
     """
     bins = 64
     cell = TWO_PI / bins
@@ -382,8 +382,8 @@ def test_band_of_a_turn_on_the_spot_is_even(default_table: LikelihoodTable) -> N
             differences.append((grid - expected)[rows, columns])
     difference = np.stack(differences)
     assert len(difference) > 20
-    assert abs(difference.mean()) < 0.1
-    assert difference.std() < 0.35
+    assert 0.0 < difference.mean() < 0.4
+    assert difference.std() < 0.6
     # nor do they drift as the band runs past the landmark
     assert difference.mean(axis=(0, 1)).std() < 0.15
 

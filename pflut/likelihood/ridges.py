@@ -48,6 +48,9 @@ BOTH_WIDTH = 0.71
 """Half-width of the box that stands for a cell where both headings count alike, in cells."""
 PLATEAU = 0.04
 """Radians of parallax from which on noise does not matter."""
+TOLERANCE = 0.06
+"""Radians by which lines of sight may diverge more than in the simulator: real cameras are not
+quite level, nor do they quite look where they should, which far landmarks would take for a pose."""
 ELEVATIONS_A_KIND = 6
 FINE = 4096
 RISES = 8
@@ -239,7 +242,7 @@ def _shares(
     ``density`` over the parallaxes ``centers``; ``steps`` (s,) the parallaxes of the middle lane.
     """
     gammas = np.linspace(-1.0, 1.0, FINE)
-    rise = np.interp(np.minimum(gammas, PLATEAU), centers, density)
+    rise = np.interp(np.minimum(gammas + TOLERANCE, PLATEAU), centers, density)
     rise = (np.maximum.accumulate(rise) / max(rise[-1], 1e-9)).clip(0.0, 1.0)
     integral = np.append(0.0, np.cumsum(0.5 * (rise[1:] + rise[:-1]))) * (gammas[1] - gammas[0])
     signs = np.array([-1.0, 1.0])
@@ -252,9 +255,8 @@ def _shares(
     ]
     mean = ((inside[1] - inside[0]) / (2.0 * half)).clip(0.0, 1.0)
     shares = np.zeros((2, 1 << STEP_BITS, *lanes.shape))
-    # of a logarithm that is so high; its root, because the curve runs where a cell is inside
-    part = np.log1p(TYPICAL_RATIO * mean) / np.log1p(TYPICAL_RATIO)
-    shares[:, : len(steps)] = np.sqrt(part)
+    # of a logarithm that is so high
+    shares[:, : len(steps)] = np.log1p(TYPICAL_RATIO * mean) / np.log1p(TYPICAL_RATIO)
     return np.asarray(np.rint(shares * 65535), dtype=np.uint16).ravel()
 
 
