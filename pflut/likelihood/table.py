@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import operator
 import os
 from collections.abc import Iterable
 from functools import cached_property
@@ -132,7 +133,7 @@ class LikelihoodTable:
             object.__setattr__(self, name, values)
         if not 0.0 < self.mismatch < 1.0:
             raise ValueError(f"mismatch: expected a share in (0, 1), got {self.mismatch}")
-        check_bins(self.bins)
+        object.__setattr__(self, "bins", check_bins(self.bins))
 
     @property
     def num_classes(self) -> int:
@@ -176,8 +177,7 @@ class LikelihoodTable:
         -------
         Ridges
         """
-        bins = self.bins if bins is None else bins
-        check_bins(bins)
+        bins = self.bins if bins is None else check_bins(bins)
         if bins not in self._ridges:
             self._ridges[bins] = make_ridges(self.density.mean(axis=2), self.profile, bins)
         return self._ridges[bins]
@@ -510,7 +510,12 @@ class LikelihoodTable:
             raise ValueError(f"{path}: {error}") from None
 
 
-def check_bins(bins: int) -> None:
-    """Raise ValueError if a grid cannot have so many cells an axis."""
-    if not isinstance(bins, (int, np.integer)) or not MIN_BINS <= bins <= MAX_BINS:
-        raise ValueError(f"bins: expected {MIN_BINS} to {MAX_BINS}, an integer, got {bins!r}")
+def check_bins(bins: int) -> int:
+    """Return the number of cells an axis; raise ValueError if a grid cannot have so many."""
+    try:
+        cells = operator.index(bins)
+    except TypeError:
+        raise ValueError(f"bins: expected an integer, got {bins!r}") from None
+    if not MIN_BINS <= cells <= MAX_BINS:
+        raise ValueError(f"bins: expected {MIN_BINS} to {MAX_BINS}, got {cells}")
+    return cells
