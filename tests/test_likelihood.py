@@ -570,6 +570,6 @@ def test_angles_of_any_turn_are_the_same(default_table: LikelihoodTable) -> None
 @pytest.mark.parametrize("bins", [64.0, 64.5, "64", 3, 1025])
 def test_bins_that_are_no_number_of_cells_are_named(default_table: LikelihoodTable, bins) -> None:
     c = Correspondences([1.0], [0.1], [1.0], [0.2])
-    with pytest.raises(ValueError, match="bins: expected (an integer|4 to 1024)"):
+    with pytest.raises(ValueError, match=r"bins: expected (an integer|4 to 1024)"):
         default_table.log_likelihood_grid(c, bins)
     assert default_table.log_likelihood_grid(c, 64).shape == (64, 64)
