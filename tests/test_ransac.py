@@ -126,6 +126,39 @@ def test_solver_is_exact_without_noise(size: int) -> None:
     assert tried > 100
 
 
+@pytest.mark.parametrize("size", [2, 3])
+def test_solver_finds_what_that_of_poselib_finds(size: int) -> None:
+    """Two points with noise and with mismatches too; three, a least-squares problem, without."""
+    poselib = pytest.importorskip("poselib", reason="the extra 'peers' is not installed")
+    solver = getattr(poselib, f"relpose_upright_planar_{size}pt")
+    models, tried = np.empty((2, 4)), 0
+    for seed in range(200):
+        c, angles, _ = simulated(size, seed, mismatch=0.3, noise=0.02)
+        if size == 3:
+            c, _ = exact(size, seed)
+            angles = angles_of(c)
+        matrix = np.array([naive.constraint_row(bearing) for bearing in angles])
+        rows, pool = prepared(c)
+        found = models[: solve(rows, np.arange(size), models)]
+        # on different sides of the horizon there is nothing to be found, and no sample is drawn
+        if len(pool) < size or not len(found) or np.linalg.svd(matrix)[1][size - 1] < 0.05:
+            continue
+        views = []
+        for azimuth, elevation in (angles[:, :2].T, angles[:, 2:].T):
+            along = np.cos(elevation)
+            camera = [-along * np.sin(azimuth), -np.sin(elevation), along * np.cos(azimuth)]
+            views.append(np.stack(camera, axis=1))
+        theirs = []
+        for pose in solver(*views):
+            center = -pose.R.T @ pose.t
+            theta = np.arctan2(-center[0], center[2])
+            theirs.append(model_of(theta, np.arctan2(-pose.t[0], pose.t[2])))
+        for model in found:
+            assert np.abs(np.array(theirs) - model).max(axis=1).min() < 1e-6
+        tried += 1
+    assert tried > 50
+
+
 def test_solver_of_degenerate_samples_finds_nothing() -> None:
     one, zero = np.ones(3), np.zeros(3)
     same = Correspondences(one, 0.3 * one, 2 * one, 0.2 * one)
