@@ -364,7 +364,7 @@ def show(condition: str, rows: list[tuple]) -> None:
 
 def draw(rows: list[tuple], path: Path) -> None:
     """Draw success over the mismatch share, a panel a camera and number of correspondences."""
-    figure = Figure(figsize=(11.0, 9.5), layout="constrained")
+    figure = Figure(figsize=(10.0, 10.5), layout="constrained")
     axes = figure.subplots(2, 2, sharex=True, sharey=True)
     for across, condition in zip(axes.T, dict.fromkeys(row[0] for row in rows), strict=True):
         for panel, count in zip(across, COUNTS, strict=True):
@@ -379,7 +379,7 @@ def draw(rows: list[tuple], path: Path) -> None:
             panel.set(title=f"{condition}, {count} correspondences", ylim=(0, 1.02))
             panel.grid(alpha=0.3)
         across[-1].set_xlabel("mismatches [%]")
-        across[-1].legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
+        across[-1].legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.16))
     for panel in axes[:, 0]:
         panel.set_ylabel("share of pairs within 0.1 rad")
     save_figure(figure, path)
