@@ -12,13 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pflut.correspondences import Correspondences
 from pflut.geometry import FloatArray
+from pflut.likelihood.known_pairs import Pair
 from pflut.posterior import GridPosterior, Likelihood, check_temperature, pose_posterior
 from pflut.statistics import success_rate
-
-Pair = tuple[Correspondences, float, float]
-"""Correspondences with the true heading_l and heading_r, radians."""
 
 LEAST_TEMPERATURE = 0.02
 _STEP = 0.05  # nat: log-likelihoods so near each other are taken together, by their mean

@@ -33,11 +33,11 @@ from pflut import (
     fit_temperature,
     load_dataset,
 )
-from pflut.calibration import Pair
 from pflut.datasets.base import Dataset
 from pflut.datasets.simulated_home import load_simulated_home
 from pflut.features import FeatureCache
 from pflut.geometry import TWO_PI
+from pflut.likelihood.known_pairs import Pair
 from pflut.pairs import dataset_pairs
 from pflut.plot import plot_calibration, save_figure
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pflut.calibration import LEAST_TEMPERATURE, Pair, coverage, fit_temperature
+from pflut.calibration import LEAST_TEMPERATURE, coverage, fit_temperature
 from pflut.correspondences import Correspondences
 from pflut.geometry import TWO_PI
+from pflut.likelihood.known_pairs import Pair
 from pflut.likelihood.table import LikelihoodTable
 from pflut.plot import plot_calibration
 from pflut.posterior import GridPosterior, pose_posterior

@@ -24,11 +24,11 @@ from pflut.likelihood.axes import (
 )
 from pflut.likelihood.counts import SHAPE_CELLS, Counts
 from pflut.likelihood.fitting import _decreasing, fit, quality_ratio
+from pflut.likelihood.known_pairs import as_slopes
 from pflut.likelihood.learning import BLOCK, count_simulated
 from pflut.likelihood.pair_learning import (
     CHANCE_SAMPLES,
     _count_quality,
-    as_slopes,
     count_pairs,
     pose_weights,
 )

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 from pflut.cli.arguments import Subparsers, add_references, add_verb, natural, positive
 
 if TYPE_CHECKING:
-    from pflut.calibration import Coverage, Pair
+    from pflut.calibration import Coverage
     from pflut.camera.base import Camera
     from pflut.cli.progress import Bars
+    from pflut.likelihood.known_pairs import Pair
 
 _DETAILS = """\
 Posteriors are calibrated if their credible regions of mass p hold the true pose in a share p of the

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +13,10 @@ from pflut.likelihood.axes import (
     PARALLAX_CELLS,
     RATIO_CELLS,
     RESIDUAL_CELLS,
+    parallax_lookup,
     residual_nodes,
 )
-from pflut.likelihood.residual_kernels import count_chance
+from pflut.likelihood.residual_kernels import count_chance, describe, mean_parallax
 
 SHAPE_CELLS = RATIO_CELLS * ELEVATION_CELLS
 BAND_PER_MEDIAN = 4.0
@@ -86,6 +88,22 @@ class Counts:
                 self.chance_inside,
                 self.chance_profile,
             )
+
+
+def class_edges(
+    pairs: Iterable[tuple[FloatArray, FloatArray]], band: float, num_classes: int
+) -> FloatArray:
+    """Give the quantiles of the pairs' mean parallax between the depth classes.
+
+    Each pair is its headings (2,) and its correspondences (n, 4), with slopes for elevations.
+    """
+    lookup = parallax_lookup()
+    means = []
+    for pose, slopes in pairs:
+        bearings = np.empty((len(slopes), 8))
+        describe(slopes, bearings)
+        means.append(mean_parallax(bearings, pose[0], pose[1], lookup, band))
+    return np.asarray(np.quantile(means, np.arange(1, num_classes) / num_classes))
 
 
 def far_cells() -> np.ndarray:

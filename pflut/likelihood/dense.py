@@ -15,11 +15,11 @@ from pflut._cache import cache_dir
 from pflut.correspondences import Correspondences
 from pflut.likelihood.dense_kernels import ROWS, add_slices, discretize
 from pflut.likelihood.dense_learning import (
-    Pair,
     count_pairs,
     count_simulated,
     log_ratio_from_counts,
 )
+from pflut.likelihood.known_pairs import Pair
 from pflut.likelihood.sampling import Progress
 from pflut.likelihood.storage import read_table, write_table
 from pflut.simulation.correspondences import CorrespondenceSimulator

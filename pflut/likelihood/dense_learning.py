@@ -7,13 +7,11 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from pflut.correspondences import Correspondences
-from pflut.geometry import FloatArray, wrap_to_2pi
+from pflut.geometry import FloatArray
 from pflut.likelihood.dense_kernels import count
+from pflut.likelihood.known_pairs import Pair, as_slopes, known_pairs, pose_frequencies
 from pflut.likelihood.sampling import Progress, count_blocks
 from pflut.simulation.correspondences import CorrespondenceSimulator
-
-Pair = tuple[Correspondences, float, float]
 
 PAIRS_PER_BLOCK = 4096
 CORRESPONDENCES_PER_PAIR = 16
@@ -103,37 +101,14 @@ def count_pairs(
     Raises
     ------
     ValueError
-        If there is not one correspondence.
+        If there is not one correspondence, or a heading is not finite.
     """
-    kept = [pair for pair in pairs if len(pair[0])]
-    if not kept:
-        raise ValueError("pairs: expected at least one pair with at least one correspondence")
-    headings = np.array([[wrap_to_2pi(left), wrap_to_2pi(right)] for _, left, right in kept])
-    lengths = np.array([len(correspondences) for correspondences, _, _ in kept])
-    cells = np.minimum((headings / (2 * np.pi) * bins).astype(np.int64), bins - 1)
-    frequency = np.zeros((bins, bins))
-    np.add.at(frequency, (cells[:, 0], cells[:, 1]), lengths)
-    # the table counts a pair, its mirror image and its exchange alike, so their poses are alike
-    frequency = frequency + frequency.T
-    frequency = frequency + frequency[::-1, ::-1]
+    kept, headings, lengths = known_pairs(pairs)
+    weights = 1.0 / pose_frequencies(headings, lengths, bins) if compensate else np.ones(len(kept))
     histogram = np.zeros((bins, bins, bins))
-    for (correspondences, _, _), pose, cell in zip(kept, headings, cells, strict=True):
-        weight = 1.0 / frequency[cell[0], cell[1]] if compensate else 1.0
+    for (correspondences, _, _), pose, weight in zip(kept, headings, weights, strict=True):
         count(pose[None], as_slopes(correspondences)[None], np.array([weight]), histogram)
     return histogram, int(lengths.sum())
-
-
-def as_slopes(correspondences: Correspondences) -> FloatArray:
-    """Return correspondences as (n, 4): azimuth and tan(elevation) of L, then of R."""
-    return np.stack(
-        [
-            correspondences.azimuth_l,
-            np.tan(correspondences.elevation_l),
-            correspondences.azimuth_r,
-            np.tan(correspondences.elevation_r),
-        ],
-        axis=1,
-    )
 
 
 def log_ratio_from_counts(

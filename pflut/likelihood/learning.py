@@ -14,8 +14,8 @@ import numpy as np
 
 from pflut.geometry import FloatArray
 from pflut.likelihood.axes import parallax_lookup, residual_nodes
-from pflut.likelihood.counts import BAND_PER_MEDIAN, FAR, Counts
-from pflut.likelihood.residual_kernels import count_true, describe, mean_parallax
+from pflut.likelihood.counts import BAND_PER_MEDIAN, FAR, Counts, class_edges
+from pflut.likelihood.residual_kernels import count_true
 from pflut.likelihood.sampling import Progress, count_blocks
 from pflut.simulation.correspondences import CorrespondenceSimulator
 
@@ -69,7 +69,8 @@ def count_simulated(
         for i in range(PILOT_BLOCKS)
     ]
     band = _band_of(pilot)
-    edges = _class_edges(pilot, band, num_classes)
+    pairs = (pair for block in pilot for pair in zip(*block, strict=True))
+    edges = class_edges(pairs, band, num_classes)
 
     def work(block: int, counts: Counts) -> None:
         stream = np.random.default_rng([seed, 0, block])
@@ -135,17 +136,3 @@ def _band_from_residuals(counts: FloatArray) -> float:
     cumulative = np.cumsum(counts)
     median = np.interp(0.5 * cumulative[-1], cumulative[:-1], residual_nodes()[1:])
     return float(min(BAND_PER_MEDIAN * median, FAR))
-
-
-def _class_edges(
-    pairs: list[tuple[FloatArray, FloatArray]], band: float, num_classes: int
-) -> FloatArray:
-    """Give the quantiles of the pairs' mean parallax between the depth classes."""
-    lookup = parallax_lookup()
-    means = []
-    for headings, slopes in pairs:
-        bearings = np.empty((slopes.shape[1], 8))
-        for pose, pair in zip(headings, slopes, strict=True):
-            describe(pair, bearings)
-            means.append(mean_parallax(bearings, pose[0], pose[1], lookup, band))
-    return np.asarray(np.quantile(means, np.arange(1, num_classes) / num_classes))

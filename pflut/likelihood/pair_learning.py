@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pflut.correspondences import Correspondences
-from pflut.geometry import FloatArray, wrap_to_2pi
+from pflut.geometry import FloatArray
 from pflut.likelihood.axes import parallax_lookup
-from pflut.likelihood.counts import BAND_PER_MEDIAN, FAR, Counts, far_cells
-from pflut.likelihood.residual_kernels import coordinates, count_true, describe, mean_parallax
-
-Pair = tuple[Correspondences, float, float]
+from pflut.likelihood.counts import BAND_PER_MEDIAN, FAR, Counts, class_edges, far_cells
+from pflut.likelihood.known_pairs import Pair, as_slopes, known_pairs, pose_frequencies
+from pflut.likelihood.residual_kernels import coordinates, count_true
 
 CHANCE_SAMPLES = 8_000_000
 """Random poses at which the mismatches of real pairs are met, all together."""
@@ -59,26 +58,14 @@ def count_pairs(
     Raises
     ------
     ValueError
-        If there is not one correspondence.
+        If there is not one correspondence, or a heading is not finite.
     """
-    kept = [pair for pair in pairs if len(pair[0])]
-    if not kept:
-        raise ValueError("pairs: expected at least one pair with at least one correspondence")
+    kept, headings, lengths = known_pairs(pairs)
     lookup = parallax_lookup()
-    for _, *pose in kept:
-        if not np.isfinite(pose).all():
-            raise ValueError(f"pairs: expected finite headings, got {pose}")
-    headings = np.array([[wrap_to_2pi(left), wrap_to_2pi(right)] for _, left, right in kept])
-    lengths = np.array([len(correspondences) for correspondences, _, _ in kept])
     weights = pose_weights(headings, lengths) if compensate else np.ones(len(kept))
     slopes = [as_slopes(correspondences) for correspondences, _, _ in kept]
     band = BAND_PER_MEDIAN * 0.6745 * noise
-    means = []
-    for pair, pose in zip(slopes, headings, strict=True):
-        bearings = np.empty((len(pair), 8))
-        describe(pair, bearings)
-        means.append(mean_parallax(bearings, pose[0], pose[1], lookup, band))
-    edges = np.quantile(means, np.arange(1, num_classes) / num_classes)
+    edges = class_edges(zip(headings, slopes, strict=True), band, num_classes)
     counts = Counts.zeros(num_classes, quality_cells)
     stream = np.random.default_rng(seed)
     total = sum(lengths)
@@ -112,7 +99,7 @@ def count_pairs(
     return counts, mismatch, int(total)
 
 
-def pose_weights(headings: FloatArray, lengths: FloatArray) -> FloatArray:
+def pose_weights(headings: FloatArray, lengths: NDArray[np.int64]) -> FloatArray:
     """Weigh pairs by one over the frequency of their relative pose (Algorithm 2).
 
     Parameters
@@ -127,27 +114,8 @@ def pose_weights(headings: FloatArray, lengths: FloatArray) -> FloatArray:
     ndarray of shape (p,)
         The weighted number of correspondences is the number of them.
     """
-    cells = np.minimum((headings / (2 * np.pi) * POSE_CELLS).astype(np.int64), POSE_CELLS - 1)
-    frequency = np.zeros((POSE_CELLS, POSE_CELLS))
-    np.add.at(frequency, (cells[:, 0], cells[:, 1]), lengths)
-    # a pair, its mirror image and its exchange are counted alike, so their poses are alike
-    frequency = frequency + frequency.T
-    frequency = frequency + frequency[::-1, ::-1]
-    weights = 1.0 / frequency[cells[:, 0], cells[:, 1]]
+    weights = 1.0 / pose_frequencies(headings, lengths, POSE_CELLS)
     return np.asarray(weights * (lengths.sum() / (weights @ lengths)))
-
-
-def as_slopes(correspondences: Correspondences) -> FloatArray:
-    """Return correspondences as (n, 4): azimuth and tan(elevation) of L, then of R."""
-    return np.stack(
-        [
-            correspondences.azimuth_l,
-            np.tan(correspondences.elevation_l),
-            correspondences.azimuth_r,
-            np.tan(correspondences.elevation_r),
-        ],
-        axis=1,
-    )
 
 
 def _count_quality(

@@ -24,8 +24,9 @@ from pflut.likelihood.axes import (
 )
 from pflut.likelihood.counts import SHAPE_CELLS
 from pflut.likelihood.fitting import fit, quality_ratio
+from pflut.likelihood.known_pairs import Pair
 from pflut.likelihood.learning import count_simulated
-from pflut.likelihood.pair_learning import Pair, count_pairs
+from pflut.likelihood.pair_learning import count_pairs
 from pflut.likelihood.residual_kernels import (
     PairArrays,
     TableArrays,
