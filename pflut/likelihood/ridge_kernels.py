@@ -19,9 +19,9 @@ from pflut._lanes import HALF, LANES, add_lanes, add_scaled, add_shares, add_tra
 from pflut._trig import fast_arctan2
 from pflut.geometry import TWO_PI
 
-SUBCELLS = 8
-"""Places within a cell where a curve may cross; the kernel takes them from an integer's bits."""
 SUBCELL_BITS = 3
+SUBCELLS = 1 << SUBCELL_BITS
+"""Places within a cell where a curve may cross; the kernel takes them from an integer's bits."""
 MIDDLE = 7
 """The lane of a profile's middle block in which the curve crosses."""
 BLOCKS = 3

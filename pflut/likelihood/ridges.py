@@ -189,9 +189,10 @@ def make_ridges(density: NDArray[np.floating], profile: NDArray[np.floating], bi
     growths = least * (1.0 + (quarter + 0.5) / 4.0)
     shape = (BLOCKS, NUM_LEVELS, kinds, NUM_GROWTHS, NUM_SLOPES, SUBCELLS, LANES)
     profiles = np.empty(shape, np.uint16)
+    integrals = _integrals(kind_profiles)
     for k, growth in enumerate(growths):
         for m, slope in enumerate(SLOPES):
-            mean = _cell_mean(kind_profiles, offsets, growth * cell, slope)
+            mean = _cell_mean(integrals, offsets, growth * cell, slope)
             values = np.log1p(ratios[:, None, None, None, None] * mean) / NATS
             profiles[:, :, :, k, m] = np.rint(values).transpose(2, 0, 1, 3, 4)
     # what an address has bits for
@@ -272,31 +273,33 @@ def _extent(profiles: FloatArray, ratio: float) -> float:
     return float(residual_nodes()[np.flatnonzero(matters).max(initial=0)])
 
 
+def _integrals(profiles: FloatArray) -> FloatArray:
+    """Integrate profiles from no residual on: (kinds, FINE), up to the largest node."""
+    nodes = residual_nodes()
+    fine = np.linspace(0.0, nodes[-1], FINE)
+    values = np.stack([np.interp(fine, nodes, profile) for profile in profiles])
+    sums = np.cumsum(0.5 * (values[:, 1:] + values[:, :-1]), axis=1)
+    return np.asarray(np.pad(sums, ((0, 0), (1, 0))) * fine[1])
+
+
 def _cell_mean(
-    profiles: FloatArray, offsets: FloatArray, growth: float, slope: float
+    integrals: FloatArray, offsets: FloatArray, growth: float, slope: float
 ) -> FloatArray:
     """Average profiles over cells, through which the curve rises by ``slope`` of their width.
 
-    ``offsets`` in cells from the curve, ``growth`` radians of residual a cell.
+    ``integrals`` of `_integrals`, ``offsets`` in cells from the curve, ``growth`` radians of
+    residual a cell.
     """
     rises = slope * (np.arange(RISES) + 0.5) / RISES - 0.5 * slope
-    boxes = [_box_mean(profiles, (offsets + rise) * growth, 0.5 * growth) for rise in rises]
+    boxes = [_box_mean(integrals, (offsets + rise) * growth, 0.5 * growth) for rise in rises]
     return np.asarray(np.mean(boxes, axis=0))
 
 
-def _box_mean(profiles: FloatArray, residuals: FloatArray, half: float) -> FloatArray:
+def _box_mean(integrals: FloatArray, residuals: FloatArray, half: float) -> FloatArray:
     """Average profiles over [residual - half, residual + half]; (kinds, *residuals.shape)."""
-    nodes = residual_nodes()
-    fine = np.linspace(0.0, nodes[-1], FINE)
-    low, high = residuals - half, residuals + half
-    means = []
-    for profile in profiles:
-        values = np.interp(fine, nodes, profile)
-        integral = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]))])
-        integral *= fine[1]
+    fine = np.linspace(0.0, residual_nodes()[-1], FINE)
 
-        def below(x: FloatArray, integral: FloatArray = integral) -> FloatArray:
-            return np.sign(x) * np.interp(np.abs(x), fine, integral)
+    def below(x: FloatArray) -> FloatArray:
+        return np.stack([np.sign(x) * np.interp(np.abs(x), fine, row) for row in integrals])
 
-        means.append((below(high) - below(low)) / (2.0 * half))
-    return np.stack(means)
+    return (below(residuals + half) - below(residuals - half)) / (2.0 * half)
