@@ -203,6 +203,27 @@ def _crossings(line, turns, noise, rows, crossings):  # type: ignore[no-untyped-
         crossings[3, i] = steep + np.float32(slope > np.float32(GENTLE) * cos_v)
 
 
+@inline
+def _address(place, gamma, least, outward, turn, profile, up):  # type: ignore[no-untyped-def]
+    """Pack what is added to a row: see `_addresses`.
+
+    ``place`` the column, not yet on the circle; ``gamma`` the parallax there, from LEVEL_FROM on,
+    no ridge where it is less than ``least``; ``outward`` its change a SUBCELL.
+    """
+    scale, highest = np.float32(LEVEL_STEPS / (np.pi - LEVEL_FROM)), np.float32(LEVEL_STEPS)
+    around = np.floor(place * (np.float32(1.0) / turn))
+    cell = np.int32((place - turn * around) * np.float32(SUBCELLS))
+    part = cell & np.int32(SUBCELLS - 1)
+    step = (gamma + outward * np.float32(part)) * scale
+    step = np.float32(0.0) if gamma < least else step
+    return (
+        ((profile + part) << np.int32(STEP_BITS + 1 + COLUMN_BITS))
+        + ((cell >> np.int32(SUBCELL_BITS)) << np.int32(STEP_BITS + 1))
+        + (up << np.int32(STEP_BITS))
+        + np.int32(min(max(step, np.float32(0.0)), highest))
+    )
+
+
 @jit
 def _addresses(line, first, last, half, side, base, extent, crossings, bits, addresses):  # type: ignore[no-untyped-def]
     """Find which profiles are added to the rows, and where; vectorised.
@@ -217,13 +238,13 @@ def _addresses(line, first, last, half, side, base, extent, crossings, bits, add
     """
     near, turn = line[0], line[7]
     zero, pi = np.float32(0.0), np.float32(np.pi)
-    turns, subcells = np.float32(1.0) / turn, np.float32(SUBCELLS)
-    scale, highest = np.float32(LEVEL_STEPS / (np.pi - LEVEL_FROM)), np.float32(LEVEL_STEPS)
+    turns = np.float32(1.0) / turn
     obtuse, large = side < zero, np.float32(99.0)
     sign = np.float32(-1.0) if obtuse else np.float32(1.0)
     middle = line[1] + np.float32(0.5) * turn if obtuse else line[1]
     start = (pi if obtuse else zero if side > zero else large) - np.float32(LEVEL_FROM)
-    part, quarter = np.float32(TWO_PI) * turns / subcells, np.float32(0.2499) * turn
+    part = np.float32(TWO_PI) * turns / np.float32(SUBCELLS)
+    quarter = np.float32(0.2499) * turn
     for i in range(first, last):
         away = np.float32(i) - near
         away = abs(away * turns - np.floor(away * turns + np.float32(0.5))) * np.float32(TWO_PI)
@@ -233,31 +254,22 @@ def _addresses(line, first, last, half, side, base, extent, crossings, bits, add
         growth = (bits[0, i] >> np.int32(GROWTH_BITS)) - np.int32(LEAST_GROWTH)
         profile = growth * np.int32(NUM_SLOPES) + np.int32(crossings[3, i])
         profile = base + profile * np.int32(SUBCELLS)
-        place, mirrored = middle + sign * column, middle - sign * column
-        own = np.int32((place - turn * np.floor(place * turns)) * subcells)
-        twin = np.int32((mirrored - turn * np.floor(mirrored * turns)) * subcells)
-        own_part, twin_part = own & np.int32(SUBCELLS - 1), twin & np.int32(SUBCELLS - 1)
         parallax = start + sign * crossings[2, i]
         # no ridge where it ends before it comes to where the lines of sight meet
         least = -extent / crossings[0, i] - np.float32(LEVEL_FROM)
         least = large if obtuse and abs(column) > quarter else least
-        own_gamma, twin_gamma = parallax - away, parallax + away - pi
-        own_step = (own_gamma + outward * np.float32(own_part)) * scale
-        twin_step = (twin_gamma - outward * np.float32(twin_part)) * scale
-        own_step = zero if own_gamma < least else own_step
-        twin_step = zero if twin_gamma < least else twin_step
         # the twin first: of an odd number of rows there are no twins, and their place is free
-        addresses[np.uintp(half + i)] = (
-            ((profile + twin_part) << np.int32(STEP_BITS + 1 + COLUMN_BITS))
-            + ((twin >> np.int32(SUBCELL_BITS)) << np.int32(STEP_BITS + 1))
-            + ((np.int32(1) - up) << np.int32(STEP_BITS))
-            + np.int32(min(max(twin_step, zero), highest))
+        addresses[np.uintp(half + i)] = _address(
+            middle - sign * column,
+            parallax + away - pi,
+            least,
+            -outward,
+            turn,
+            profile,
+            np.int32(1) - up,
         )
-        addresses[np.uintp(i)] = (
-            ((profile + own_part) << np.int32(STEP_BITS + 1 + COLUMN_BITS))
-            + ((own >> np.int32(SUBCELL_BITS)) << np.int32(STEP_BITS + 1))
-            + (up << np.int32(STEP_BITS))
-            + np.int32(min(max(own_step, zero), highest))
+        addresses[np.uintp(i)] = _address(
+            middle + sign * column, parallax - away, least, outward, turn, profile, up
         )
 
 
