@@ -20,7 +20,7 @@ import argparse
 import csv
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import process_time
 
@@ -30,6 +30,7 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from pflut import Correspondences, CorrespondenceSimulator, LikelihoodTable, estimate_relative_poses
+from pflut.geometry import wrap_to_pi
 from pflut.plot import save_figure
 from pflut.relpose.ransac import ransac_headings
 
@@ -330,7 +331,7 @@ def measure(
     rows = []
     for count in COUNTS:
         for share in SHARES:
-            cell = CorrespondenceSimulator(**{**vars(simulator), "mismatch": share})
+            cell = replace(simulator, mismatch=share)
             headings, bearings = cell.sample(pairs, count, rng=1)
             for peer in peers:
                 peer.estimate(bearings[:2])
@@ -341,7 +342,7 @@ def measure(
                 start = process_time()
                 found = peer.estimate(bearings[:used])
                 spent = process_time() - start
-                error = np.abs(np.angle(np.exp(1j * (found - headings[:used])))).max(axis=1)
+                error = np.abs(wrap_to_pi(found - headings[:used])).max(axis=1)
                 rate, median = float((error < SUCCESS).mean()), float(np.median(error))
                 cell_of = (condition, peer.origin, peer.name, count, share)
                 rows.append((*cell_of, used, rate, median, 1e6 * spent / used))
