@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from pflut.reference_map import ReferenceMap as ReferenceMap
     from pflut.relpose.estimate import estimate_relative_pose as estimate_relative_pose
     from pflut.relpose.ransac import ransac_relative_pose as ransac_relative_pose
+    from pflut.relpose.ransac import ransac_relative_poses as ransac_relative_poses
+    from pflut.relpose.refine import refine_relative_pose as refine_relative_pose
     from pflut.relpose.result import RelativePose as RelativePose
     from pflut.relpose.search import estimate_relative_poses as estimate_relative_poses
     from pflut.simulation.correspondences import CorrespondenceSimulator as CorrespondenceSimulator
@@ -76,6 +78,8 @@ _NAMES = {
     "match_many": "features",
     "pose_posterior": "posterior",
     "ransac_relative_pose": "relpose.ransac",
+    "ransac_relative_poses": "relpose.ransac",
+    "refine_relative_pose": "relpose.refine",
 }
 
 __getattr__, __dir__, __all__ = lazy(__name__, _NAMES)

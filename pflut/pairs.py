@@ -13,9 +13,8 @@ from pflut.datasets.base import Dataset
 from pflut.features import FeatureCache, FeatureExtractor, match
 from pflut.geometry import relative_headings
 from pflut.likelihood.table import bearing_columns
-from pflut.relpose.kernels import judge
+from pflut.relpose.judgement import judged
 from pflut.relpose.result import RelativePose
-from pflut.relpose.search import INLIER_CUTOFF
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +166,6 @@ def agreeing(
     count = len(correspondences)
     columns = bearing_columns(correspondences)
     headings = np.tile([pose.heading_l, pose.heading_r], (count, 1))
-    agree, alarms = np.empty(count, np.int64), np.empty(count)
     # each one is a pair of views by itself
-    judge(columns, np.arange(count + 1), headings, INLIER_CUTOFF * noise, 1, agree, alarms)
-    return agree.astype(bool)
+    inliers, _ = judged(columns, np.arange(count + 1), headings, noise)
+    return inliers.astype(bool)

@@ -579,8 +579,19 @@ def in_front(bearing, theta, phi, slack=1e-3):
     return bool((planar_depths(bearing, theta, phi) * apex**2 >= -slack).all())
 
 
-def polish(bearings, theta, phi, cutoffs, steps):
-    """Reweighted least squares with Tukey's biweight: the pose after so many steps a cut-off."""
+def robust_weight(residual, loss, knee, cutoff):
+    """rho'(e) / e of the loss, zero beyond the cut-off."""
+    if abs(residual) >= cutoff:
+        return 0.0
+    if loss == "tukey":
+        return (1 - (residual / cutoff) ** 2) ** 2
+    if loss == "huber":
+        return 1.0 if abs(residual) <= knee else knee / abs(residual)
+    return 1 / (1 + (residual / knee) ** 2)
+
+
+def polish(bearings, theta, phi, cutoffs, steps, loss="tukey", knee=0.0):
+    """Reweighted least squares with a loss: the pose after so many steps a cut-off."""
     pose = np.array([theta, phi], float)
     for cutoff in cutoffs:
         for _ in range(steps):
@@ -589,7 +600,7 @@ def polish(bearings, theta, phi, cutoffs, steps):
                 residual = residuals(bearing, *pose)
                 if abs(residual) < cutoff and in_front(bearing, *pose):
                     slopes = np.array(residual_slopes(bearing, *pose))
-                    weight = (1 - (residual / cutoff) ** 2) ** 2
+                    weight = robust_weight(residual, loss, knee, cutoff)
                     matrix += weight * np.outer(slopes, slopes)
                     vector += weight * slopes * residual
             if not matrix.any():
@@ -600,14 +611,14 @@ def polish(bearings, theta, phi, cutoffs, steps):
     return pose
 
 
-def log_false_alarms(inliers, total, share, cutoff):
+def log_false_alarms(inliers, total, share, cutoff, degrees):
     """Log of the number of poses with as many inliers by coincidence: the binomial tail, summed."""
     share = min(max(share, 1 / (16 * max(total, 1))), 1 - 1e-9)
     tail = math.fsum(
         math.comb(total, k) * share**k * (1 - share) ** (total - k)
         for k in range(inliers, total + 1)
     )
-    return 2 * math.log(math.pi / cutoff) + math.log(tail)
+    return degrees * math.log(math.pi / cutoff) + math.log(tail)
 
 
 def judge(bearings, theta, phi, cutoff, shifts):
@@ -627,7 +638,7 @@ def judge(bearings, theta, phi, cutoff, shifts):
     for shift in range(1, shifts + 1):
         rows = [[*bearings[i][:2], *bearings[(i + shift) % n][2:]] for i in range(n)]
         by_chance += agreeing(rows)
-    return inliers, log_false_alarms(inliers, n, by_chance / (n * shifts), cutoff)
+    return inliers, log_false_alarms(inliers, n, by_chance / (n * shifts), cutoff, 2)
 
 
 # --- the sensor model ----------------------------------------------------------------------------
@@ -914,3 +925,55 @@ def iterations_needed(inliers, pool_size, sample_size, confidence):
     """The smallest number with 1 - (1 - share)^number >= confidence, not rounded."""
     share = math.comb(inliers, sample_size) / math.comb(pool_size, sample_size)
     return math.log(1 - confidence) / math.log(1 - share)
+
+
+# --- five angles ----------------------------------------------------------------------------------
+
+
+def unit(azimuth, elevation):
+    """The ray of a bearing."""
+    along = math.cos(elevation)
+    return np.array([along * math.cos(azimuth), along * math.sin(azimuth), math.sin(elevation)])
+
+
+def general_value(bearing, turn, shift):
+    """x_r' [t]x R x_l of a bearing (azimuth and elevation in L, then in R)."""
+    return float(unit(*bearing[2:]) @ np.cross(shift, turn @ unit(*bearing[:2])))
+
+
+def general_residual(bearing, turn, shift, step=1e-5):
+    """First-order distance to the epipolar constraint on the sphere, by differences."""
+    squares = 0.0
+    for k in range(4):
+        # an arc along a parallel is shorter than its angle
+        arc = step / (math.cos(bearing[k + 1]) if k % 2 == 0 else 1.0)
+        ahead, behind = np.array(bearing, float), np.array(bearing, float)
+        ahead[k] += arc
+        behind[k] -= arc
+        change = general_value(ahead, turn, shift) - general_value(behind, turn, shift)
+        squares += (change / (2 * step)) ** 2
+    return general_value(bearing, turn, shift) / math.sqrt(squares)
+
+
+def general_depths(bearing, turn, shift):
+    """Distances of the landmark from L and R along the rays: d_r x_r = d_l R x_l + t, nearly."""
+    columns = np.stack([turn @ unit(*bearing[:2]), -unit(*bearing[2:])], axis=1)
+    return np.linalg.lstsq(columns, -np.asarray(shift), rcond=None)[0]
+
+
+def general_cost(bearings, turn, shift, threshold, truncated):
+    """As `model_cost`, of a pose of all five angles."""
+    cost = 0.0
+    for bearing in bearings:
+        ratio = (general_residual(bearing, turn, shift) / threshold) ** 2
+        agrees = ratio < 1 and (general_depths(bearing, turn, shift) > 0).all()
+        cost += (ratio if truncated else 0.0) if agrees else 1.0
+    return cost
+
+
+def eight_point(bearings):
+    """The matrix of x_r' E x_l = 0 of eight bearings, and the nearest one that is essential."""
+    rows = [np.outer(unit(*b[2:]), unit(*b[:2])).ravel() for b in bearings]
+    matrix = np.linalg.svd(np.array(rows))[2][8].reshape(3, 3)
+    u, _, vt = np.linalg.svd(matrix)
+    return matrix, u @ np.diag([1.0, 1.0, 0.0]) @ vt

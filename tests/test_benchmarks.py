@@ -21,7 +21,7 @@ from pflut.likelihood.table import LikelihoodTable
 from pflut.localization.reference_image_model import ReferenceImageModel
 from pflut.posterior import pose_posterior
 from pflut.relpose.estimate import estimate_relative_pose
-from pflut.relpose.ransac import ransac_headings
+from pflut.relpose.ransac import ransac_relative_poses
 from pflut.relpose.search import estimate_relative_poses
 from pflut.simulation.correspondences import CorrespondenceSimulator
 
@@ -83,7 +83,7 @@ def test_estimate_costs_less_than_a_ransac_of_many_iterations(
     pairs = [Correspondences(*a.T) for a in angles]
     ratio = ratio_of_best(
         lambda: estimate_relative_poses(pairs, default_table),
-        lambda: ransac_headings(angles),
+        lambda: ransac_relative_poses(pairs),
         1.0,
         tries=3,
     )

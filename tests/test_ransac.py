@@ -9,28 +9,30 @@ import numpy as np
 import pytest
 from test_posterior import turn_on_the_spot
 
+from pflut._robust import TUKEY, iterations_needed, uniform
 from pflut.correspondences import Correspondences
 from pflut.geometry import bearing_angles, relative_headings, wrap_to_2pi, wrap_to_pi
-from pflut.likelihood.table import bearing_columns
-from pflut.relpose.estimate import CUTOFFS
-from pflut.relpose.kernels import refine
-from pflut.relpose.ransac import ransac_headings, ransac_relative_pose
+from pflut.likelihood.table import bearing_columns, pair_columns
+from pflut.relpose.ransac import ransac_relative_pose, ransac_relative_poses
 from pflut.relpose.ransac_kernels import (
     BLOCK,
     CHEIRALITY_SLACK,
+    LOCAL_STEPS,
     NUM_ROWS,
     _draw,
-    _iterations_needed,
-    _search,
+    improve,
     model_cost,
     prepare,
-    refine_model,
+    search,
+    search_many,
     solve,
 )
+from pflut.relpose.refine_kernels import refine
 from pflut.relpose.result import RelativePose
 from pflut.simulation.correspondences import CorrespondenceSimulator
 
 SOLVERS = ("2pt", "3pt")
+ALL_SOLVERS = (*SOLVERS, "8pt")
 
 
 def angles_of(c: Correspondences) -> np.ndarray:
@@ -66,9 +68,7 @@ def prepared(c: Correspondences, seed: int = 0) -> tuple[np.ndarray, np.ndarray]
     rows = np.full((NUM_ROWS, -(-n // BLOCK) * BLOCK), np.nan)
     pool = np.empty(n, np.int64)
     with np.errstate(over="ignore"):
-        size = prepare(
-            np.ascontiguousarray(bearing_columns(c).T), np.array([seed], np.uint64), rows, pool
-        )
+        size = prepare(bearing_columns(c), np.array([seed], np.uint64), rows, pool)
     return rows, pool[:size]
 
 
@@ -81,10 +81,30 @@ def error_of(estimate: RelativePose, headings: np.ndarray) -> float:
     return float(np.abs(wrap_to_pi(found - headings)).max())
 
 
-def success_rate(pairs: int, n: int, mismatch: float, **options) -> float:
+def poses_of(estimates: list[RelativePose]) -> np.ndarray:
+    return np.array([[e.heading_l, e.heading_r] for e in estimates])
+
+
+def sampled(pairs: int, n: int, mismatch: float) -> tuple[np.ndarray, list[Correspondences]]:
     headings, bearings = CorrespondenceSimulator(mismatch=mismatch).sample(pairs, n, rng=1)
-    found, _ = ransac_headings(bearings, **options)
+    return headings, [Correspondences(*pair.T) for pair in bearings]
+
+
+def success_rate(pairs: int, n: int, mismatch: float, **options) -> float:
+    headings, made = sampled(pairs, n, mismatch)
+    found = poses_of(ransac_relative_poses(made, **options))
     return float((np.abs(wrap_to_pi(found - headings)).max(axis=1) < 0.1).mean())
+
+
+def iterations_of(
+    pairs: list[Correspondences], sample_size: int = 2, most: int = 1000, confidence: float = 0.0
+) -> np.ndarray:
+    columns, first = pair_columns(pairs)
+    headings, iterations = np.empty((len(pairs), 2)), np.empty(len(pairs), np.int64)
+    options = (0.03, most, True, True, confidence)
+    seed = np.zeros(1, np.uint64)
+    search_many(columns, first, seed, sample_size, options, headings, iterations)
+    return np.abs(iterations)
 
 
 # --- kernels --------------------------------------------------------------------------------------
@@ -200,17 +220,26 @@ def test_cost_stops_at_its_limit() -> None:
     assert 10 <= model_cost(rows, model, 0.03, True, 10.0) <= 10 + BLOCK
 
 
-def test_refinement_is_that_of_the_estimate() -> None:
+def test_local_optimisation_is_that_of_the_m_estimator() -> None:
     for seed in range(20):
         c, _, headings = simulated(40, seed, mismatch=0.4)
         rows, _ = prepared(c)
         found, expected = headings + 0.015, headings + 0.015
-        information, wanted = np.zeros(4), np.zeros(4)
-        for cutoff in 0.01 * CUTOFFS:
-            inliers = refine_model(rows, len(c), cutoff, 8, found, information)
-        assert inliers == refine(bearing_columns(c), 0.01 * CUTOFFS, 8, expected, wanted)
+        improve(rows, len(c), 0.03, found)
+        columns, cutoffs = bearing_columns(c), np.array([0.03])
+        refine(columns, TUKEY, 0.0, cutoffs, LOCAL_STEPS, expected, np.empty(4))
         assert found == pytest.approx(expected, abs=1e-8)
-        assert information == pytest.approx(wanted, rel=1e-5)
+        assert np.abs(found - headings - 0.015).max() > 1e-3
+
+
+def test_uniform_numbers_are_uniform() -> None:
+    state = np.array([7], np.uint64)
+    with np.errstate(over="ignore"):
+        numbers = np.array([uniform(state) for _ in range(20_000)])
+    assert 0.0 <= numbers.min() < numbers.max() < 1.0
+    # twenty cells of a thousand each, five standard deviations of a binomial; and no correlation
+    assert np.abs(np.histogram(numbers, 20, (0, 1))[0] - 1000).max() < 155
+    assert abs(np.corrcoef(numbers[1:], numbers[:-1])[0, 1]) < 5 / np.sqrt(20_000)
 
 
 def test_pool_holds_what_lies_on_one_side_of_the_horizon() -> None:
@@ -244,11 +273,11 @@ def test_triples_are_uniform() -> None:
     assert np.abs(np.array(list(counts.values())) - 1000).max() < 150
 
 
-def test_iterations_needed() -> None:
+def testiterations_needed() -> None:
     for arguments in ((10, 20, 2, 0.99), (5, 40, 3, 0.999), (3, 3000, 3, 0.5)):
-        assert _iterations_needed(*arguments) == pytest.approx(naive.iterations_needed(*arguments))
-    assert _iterations_needed(1, 20, 2, 0.99) == np.inf
-    assert _iterations_needed(20, 20, 2, 0.99) == 1.0
+        assert iterations_needed(*arguments) == pytest.approx(naive.iterations_needed(*arguments))
+    assert iterations_needed(1, 20, 2, 0.99) == np.inf
+    assert iterations_needed(20, 20, 2, 0.99) == 1.0
 
 
 @pytest.mark.parametrize("truncated", [True, False])
@@ -256,10 +285,11 @@ def test_exhaustive_search_finds_the_cheapest_of_all_pairs(truncated: bool) -> N
     for seed in range(8):
         c, angles, _ = simulated(9, seed, mismatch=0.3)
         rows, pool = prepared(c)
-        headings, samples = np.zeros(2), np.empty(2, np.int64)
+        headings, state = np.zeros(2), np.zeros(1, np.uint64)
         options = (0.03, 1000, truncated, False, 0.0)
-        state = np.zeros(1, np.uint64)
-        found = _search(rows, len(c), pool, samples, options, state, headings, np.empty(4))
+        work = (np.empty_like(rows), np.empty(len(c), np.int64), np.empty(2, np.int64))
+        with np.errstate(over="ignore"):
+            found = search(bearing_columns(c), state, options, work, headings)
         assert found == len(pool) * (len(pool) - 1) // 2
         cost = model_cost(rows, model_of(*headings), 0.03, truncated, np.inf)
         # a correspondence near the base line may count here, and not there
@@ -271,7 +301,7 @@ def test_exhaustive_search_finds_the_cheapest_of_all_pairs(truncated: bool) -> N
 # --- the estimate ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", ALL_SOLVERS)
 @pytest.mark.parametrize("scoring", ["msac", "inliers"])
 @pytest.mark.parametrize("local_optimization", [True, False])
 def test_recovery_without_noise(solver: str, scoring: str, local_optimization: bool) -> None:
@@ -321,45 +351,43 @@ def test_truncated_squares_choose_better_than_counts() -> None:
 def test_adaptive_stop_takes_fewer_iterations_where_matches_are_good() -> None:
     means = []
     for mismatch in (0.3, 0.8, 0.95):
-        _, bearings = CorrespondenceSimulator(mismatch=mismatch).sample(100, 100, rng=3)
-        _, counts = ransac_headings(bearings, confidence=0.999)
-        _, fixed = ransac_headings(bearings)
-        means.append(counts[:, 1].mean())
-        assert (counts[:, 1] <= fixed[:, 1]).all()
-        assert fixed[:, 1].max() == 1000
+        _, pairs = sampled(100, 100, mismatch)
+        adaptive, fixed = iterations_of(pairs, confidence=0.999), iterations_of(pairs)
+        means.append(adaptive.mean())
+        assert (adaptive <= fixed).all()
+        assert fixed.max() == 1000
     assert means[0] < 15 < means[1] < 150 < means[2]
 
 
 def test_two_points_try_each_pair_once_where_there_are_few() -> None:
-    _, bearings = CorrespondenceSimulator(mismatch=0.0).sample(50, 10, rng=0)
-    usable = (bearings[..., 1] * bearings[..., 3] > 0).sum(axis=1)
-    _, counts = ransac_headings(bearings)
-    assert counts[:, 1].tolist() == (usable * (usable - 1) // 2).tolist()
-    _, counts = ransac_headings(bearings, max_iterations=20)
-    assert counts[:, 1].max() == 20
-    _, counts = ransac_headings(bearings, solver="3pt")
-    assert set(counts[usable >= 3, 1]) == {1000}
+    _, pairs = sampled(50, 10, 0.0)
+    usable = np.array([(c.elevation_l * c.elevation_r > 0).sum() for c in pairs])
+    assert iterations_of(pairs).tolist() == (usable * (usable - 1) // 2).tolist()
+    assert iterations_of(pairs, most=20).max() == 20
+    assert set(iterations_of(pairs, sample_size=3)[usable >= 3]) == {1000}
 
 
 def test_exhaustive_result_depends_on_no_seed() -> None:
     """Without local optimisation the cheapest of all pairs is the same in any order."""
-    _, bearings = CorrespondenceSimulator(mismatch=0.5).sample(50, 20, rng=5)
-    first, second = (ransac_headings(bearings, local_optimization=False, rng=s)[0] for s in (0, 1))
+    _, pairs = sampled(50, 20, 0.5)
+    first, second = (
+        poses_of(ransac_relative_poses(pairs, local_optimization=False, rng=s)) for s in (0, 1)
+    )
     assert wrap_to_pi(first - second) == pytest.approx(np.zeros((50, 2)), abs=1e-9)
 
 
-def test_many_pairs_are_as_one_by_one() -> None:
-    _, bearings = CorrespondenceSimulator(mismatch=0.6).sample(30, 20, rng=4)
-    headings, counts = ransac_headings(bearings)
-    right = 0
-    for pair, expected, count in zip(bearings, headings, counts, strict=True):
-        e = ransac_relative_pose(Correspondences(*pair.T))
-        # another order of the samples
-        right += error_of(e, expected) < 1e-4 and e.num_inliers == count[0]
-    assert right >= 27
+@pytest.mark.parametrize("solver", ALL_SOLVERS)
+def test_many_pairs_are_as_one_by_one(solver: str) -> None:
+    pairs = [simulated(n, n, 0.4)[0] for n in (30, 0, 8, 65, 1, 17)]
+    for c, e in zip(pairs, ransac_relative_poses(pairs, solver=solver, rng=3), strict=True):
+        alone = ransac_relative_pose(c, solver=solver, rng=3)
+        assert (e.heading_l, e.heading_r) == (alone.heading_l, alone.heading_r)
+        assert (e.num_inliers, e.success) == (alone.num_inliers, alone.success)
+        assert (e.covariance == alone.covariance).all()
+    assert ransac_relative_poses([], solver=solver) == []
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", ALL_SOLVERS)
 def test_result_is_reproducible(solver: str) -> None:
     c, *_ = simulated(100, 7, mismatch=0.9)
     options = {"solver": solver, "max_iterations": 50}
@@ -412,7 +440,7 @@ def test_exchanged_views_exchange_the_headings() -> None:
         assert error_of(f, np.array([e.heading_r, e.heading_l])) < 1e-4
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", ALL_SOLVERS)
 def test_rotation_of_a_turn_on_the_spot(solver: str) -> None:
     for seed in range(20):
         c = turn_on_the_spot(0.3 * seed, 40, seed, mismatch=0.3)
@@ -429,7 +457,7 @@ def assert_failed(e: RelativePose) -> None:
     assert np.isfinite(e.covariance).all()
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", ALL_SOLVERS)
 @pytest.mark.parametrize("n", [0, 1, 2])
 def test_too_few_correspondences_are_no_success(solver: str, n: int) -> None:
     for seed in range(20):
@@ -440,7 +468,7 @@ def test_too_few_correspondences_are_no_success(solver: str, n: int) -> None:
         assert np.sqrt(e.covariance.diagonal()).min() > 1.0
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", ALL_SOLVERS)
 def test_degenerate_correspondences_are_no_success(solver: str) -> None:
     rng = np.random.default_rng(0)
     one, zero = np.ones(30), np.zeros(30)
@@ -452,7 +480,8 @@ def test_degenerate_correspondences_are_no_success(solver: str) -> None:
     for c in (same, horizon, opposite):
         e = ransac_relative_pose(c, solver=solver)
         assert_failed(e)
-        assert e.num_inliers == 0
+        # views that roll may see one landmark on different sides of their horizons
+        assert e.num_inliers == 0 or (solver == "8pt" and c is opposite)
     assert np.isfinite(ransac_relative_pose(zenith, solver=solver).covariance).all()
 
 
@@ -468,6 +497,7 @@ def test_mismatches_alone_are_seldom_a_success(n: int) -> None:
     ("option", "value"),
     [
         ("solver", "5pt"),
+        ("loss", "l2"),
         ("scoring", "lmeds"),
         ("threshold", 0.0),
         ("threshold", np.nan),
@@ -486,17 +516,7 @@ def test_mismatches_alone_are_seldom_a_success(n: int) -> None:
 def test_misuse(option: str, value: object) -> None:
     for call in (
         lambda **options: ransac_relative_pose(Correspondences.empty(), **options),
-        lambda **options: ransac_headings(np.empty((0, 5, 4)), **options),
+        lambda **options: ransac_relative_poses([], **options),
     ):
         with pytest.raises(ValueError, match=f"^{option}: expected .*, got .*{value}"):
             call(**{option: value})
-
-
-def test_misuse_of_many_pairs() -> None:
-    with pytest.raises(ValueError, match=r"bearings: expected shape \(pairs, n, 4\), got \(5, 4\)"):
-        ransac_headings(np.zeros((5, 4)))
-    with pytest.raises(ValueError, match="bearings: expected finite numbers"):
-        ransac_headings(np.full((2, 5, 4), np.nan))
-    headings, counts = ransac_headings(np.empty((3, 0, 4)))
-    assert headings.tolist() == [[0.0, 0.0]] * 3
-    assert counts.tolist() == [[0, 0]] * 3

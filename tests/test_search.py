@@ -16,7 +16,7 @@ from pflut.geometry import TWO_PI, wrap_to_pi
 from pflut.likelihood.table import QUALITY_CELLS, LikelihoodTable
 from pflut.posterior import pose_posterior
 from pflut.relpose.estimate import estimate_relative_pose
-from pflut.relpose.ransac import ransac_headings
+from pflut.relpose.ransac import ransac_relative_poses
 from pflut.relpose.result import UNIFORM_VARIANCE, RelativePose
 from pflut.relpose.search import COARSE, PAIRS_A_TASK, estimate_relative_poses
 from pflut.simulation.correspondences import CorrespondenceSimulator
@@ -72,11 +72,10 @@ def test_success_where_most_are_mismatches(estimated, n: int, mismatch: float, n
     Of 1,000 pairs the standard errors are 0.012 and 0.009. On the same pairs the best planar
     RANSAC has 0.71 and 0.86.
     """
-    headings, angles, _ = simulated(n, mismatch)
+    headings, _, pairs = simulated(n, mismatch)
     share = (errors_of(estimated(n, mismatch), headings) < 0.1).mean()
     assert share >= needed
-    found, _ = ransac_headings(angles)
-    by_ransac = (np.abs(wrap_to_pi(found - headings)).max(axis=1) < 0.1).mean()
+    by_ransac = (errors_of(ransac_relative_poses(pairs), headings) < 0.1).mean()
     assert share > by_ransac + 0.03
 
 
@@ -84,11 +83,11 @@ def test_success_where_most_are_mismatches(estimated, n: int, mismatch: float, n
 @pytest.mark.parametrize("n", [25, 100])
 def test_error_is_no_larger_than_ransac_s(estimated, n: int, mismatch: float) -> None:
     """Where mismatches are few, too: the paper's table was worse there."""
-    headings, angles, _ = simulated(n, mismatch)
+    headings, _, pairs = simulated(n, mismatch)
     error = errors_of(estimated(n, mismatch), headings)
-    found, _ = ransac_headings(angles)
-    by_ransac = np.abs(wrap_to_pi(found - headings)).max(axis=1)
-    assert np.median(error) <= 1.02 * np.median(by_ransac)
+    by_ransac = errors_of(ransac_relative_poses(pairs), headings)
+    # both are as accurate as the noise allows; of 1,000 pairs a median's standard error is 0.025
+    assert np.median(error) <= 1.07 * np.median(by_ransac)
     assert (error < 0.1).mean() >= (by_ransac < 0.1).mean() - 0.005
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import operator
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from importlib.resources import as_file, files
 from typing import Any, Literal
@@ -66,6 +66,14 @@ def bearing_columns(correspondences: Correspondences) -> FloatArray:
     """Return (8, n): sines and cosines of azimuth_l, elevation_l, azimuth_r, elevation_r."""
     c = correspondences
     return sines_and_cosines(c.azimuth_l, c.elevation_l, c.azimuth_r, c.elevation_r)
+
+
+def pair_columns(pairs: Sequence[Correspondences]) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Return the columns (8, n) of many pairs, and (p + 1,) where each pair's begin and end."""
+    names = ("azimuth_l", "elevation_l", "azimuth_r", "elevation_r")
+    none = [np.empty(0)]
+    angles = (np.concatenate(none + [getattr(pair, name) for pair in pairs]) for name in names)
+    return sines_and_cosines(*angles), np.cumsum([0, *map(len, pairs)])
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

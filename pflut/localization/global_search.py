@@ -11,8 +11,8 @@ from pflut.geometry import TWO_PI, FloatArray, wrap_to_pi
 from pflut.likelihood.table import bearing_columns
 from pflut.localization.estimate import Estimate, estimate_from_particles
 from pflut.localization.reference_image_model import ReferenceImageModel, ReferenceMatch
-from pflut.relpose.estimate import CUTOFFS, STEPS_PER_CUTOFF
-from pflut.relpose.kernels import refine_pose
+from pflut.relpose.refine import CUTOFFS, STEPS_PER_CUTOFF
+from pflut.relpose.refine_kernels import refine_pose
 
 
 def pose_lattice(

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from math import log
-
 import numpy as np
 
 from pflut.correspondences import Correspondences
 from pflut.geometry import TWO_PI, FloatArray, wrap_to_pi
 from pflut.likelihood.table import LikelihoodTable, bearing_columns
 from pflut.posterior import GridPosterior, Likelihood, pose_posterior
-from pflut.relpose.kernels import judge, refine
-from pflut.relpose.result import UNIFORM_VARIANCE, RelativePose
-from pflut.relpose.search import MAX_FALSE_ALARMS, MIN_INLIERS, SHIFTS, estimate_relative_poses
+from pflut.relpose.judgement import judged, widened
+from pflut.relpose.refine import DEFAULT_LOSS, refine_headings
+from pflut.relpose.result import RelativePose
+from pflut.relpose.search import estimate_relative_poses
 
-CUTOFFS = np.array([6.0, 4.0, 3.0])
-"""The biweight's cut-offs in standard deviations, from the grid's accuracy down to the noise's."""
-STEPS_PER_CUTOFF = 8
 DEFAULT_NOISE = 0.01
-BIWEIGHT_SPREAD = 0.52
-"""Mean of w e^2 over sigma^2 for normal residuals e and the biweight w cut off at 3 sigma."""
 BAND = np.arange(-2, 3)
 """Cells on both sides of the poses of one rotation that count to its band."""
 BASIN = 4
@@ -38,7 +32,7 @@ def estimate_relative_pose(
 
     With a `LikelihoodTable`, `estimate_relative_poses` of the one pair. With the paper's table, or
     where a posterior is given, the maximum of the posterior's grid, interpolated between the cells
-    and polished with an M-estimator (Tukey's biweight on the planar epipolar residual, positive
+    and polished with an M-estimator (`refine_relative_pose`: the planar epipolar residual, positive
     depths only), which removes the discretization error.
 
     Parameters
@@ -80,32 +74,22 @@ def estimate_relative_pose(
         raise ValueError(f"noise: expected radians in (0, pi/2), got {noise}")
     if posterior is None:
         posterior = pose_posterior(correspondences, likelihood)
-    headings = np.array(posterior.mode())
-    information = np.zeros(4)
-    # without polish the same kernel, standing still, counts the inliers and weighs them
-    moved = headings.copy()
-    cutoffs = noise * (CUTOFFS if polish else CUTOFFS[:1])
-    steps = STEPS_PER_CUTOFF if polish else 1
-    columns = bearing_columns(correspondences)
-    inliers = refine(columns, cutoffs, steps, moved, information)
-    if polish:
-        headings = moved
+    columns, first = bearing_columns(correspondences), np.array([0, len(correspondences)])
+    loss = DEFAULT_LOSS if polish else None
+    headings = np.array([posterior.mode()])
+    headings, covariance = refine_headings(columns, first, headings, loss, noise)
+    inliers, success = judged(columns, first, headings, noise)
     log_evidence = posterior.log_evidence
-    counted, alarms = np.empty(1, np.int64), np.empty(1)
-    first = np.array([0, len(correspondences)])
-    judge(columns, first, headings[None], cutoffs[-1], SHIFTS, counted, alarms)
     return RelativePose(
-        heading_l=float(wrap_to_pi(headings[0])),
-        heading_r=float(wrap_to_pi(headings[1])),
-        covariance=_widened(
-            _covariance(information, inliers, noise), band_variance(posterior, headings)
-        ),
+        heading_l=float(wrap_to_pi(headings[0, 0])),
+        heading_r=float(wrap_to_pi(headings[0, 1])),
+        covariance=widened(covariance, np.array([band_variance(posterior, headings[0])]))[0],
         log_likelihood=float(posterior.log_prob.max())
         + log_evidence
         + 2.0 * float(np.log(posterior.bins)),
         log_evidence=log_evidence,
-        num_inliers=int(counted[0]),
-        success=bool(counted[0] >= MIN_INLIERS and alarms[0] < log(MAX_FALSE_ALARMS)),
+        num_inliers=int(inliers[0]),
+        success=bool(success[0]),
     )
 
 
@@ -137,20 +121,3 @@ def band_variance(posterior: GridPosterior, headings: FloatArray) -> float:
     away = wrap_to_pi(posterior.centers - headings[1])
     away[np.abs(away) < BASIN * cell] = 0.0
     return float(weight @ away**2 / weight.sum())
-
-
-def _widened(covariance: FloatArray, band: float) -> FloatArray:
-    """Add the variance along the band, bounded by that of uniform angles."""
-    return covariance + min(band, UNIFORM_VARIANCE - float(covariance.diagonal().max()))
-
-
-def _covariance(information: FloatArray, inliers: int, noise: float) -> FloatArray:
-    """Invert the information at the residuals' spread, bounded by that of uniform angles."""
-    prior = np.eye(2) / UNIFORM_VARIANCE
-    if inliers <= 2:
-        return np.eye(2) * UNIFORM_VARIANCE
-    a, b, c, squares = information
-    # noise is a floor: few inliers may agree by luck
-    variance = max(squares / (BIWEIGHT_SPREAD * (inliers - 2)), noise**2)
-    covariance: FloatArray = np.linalg.inv(np.array([[a, b], [b, c]]) / variance + prior)
-    return covariance

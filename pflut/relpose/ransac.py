@@ -1,23 +1,22 @@
-"""The planar RANSAC: the baseline that the likelihood is compared with."""
+"""RANSAC and an M-estimator: the baselines that the likelihood is compared with."""
 
 from __future__ import annotations
 
-from math import log
+from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from pflut.correspondences import Correspondences
-from pflut.geometry import FloatArray, wrap_to_pi
-from pflut.likelihood.table import bearing_columns
-from pflut.relpose.estimate import BIWEIGHT_SPREAD, CUTOFFS, STEPS_PER_CUTOFF
-from pflut.relpose.kernels import judge
-from pflut.relpose.ransac_kernels import ransac_batch
-from pflut.relpose.result import UNIFORM_VARIANCE, RelativePose
-from pflut.relpose.search import MAX_FALSE_ALARMS, MIN_INLIERS, SHIFTS
+from pflut.likelihood.table import pair_columns
+from pflut.relpose.eight_point import eight_point_poses
+from pflut.relpose.ransac_kernels import search_many
+from pflut.relpose.refine import DEFAULT_LOSS, check_loss, refined_poses
+from pflut.relpose.result import RelativePose, no_pose
 
-SAMPLE_SIZES = {"2pt": 2, "3pt": 3}
+SAMPLE_SIZES = {"2pt": 2, "3pt": 3, "8pt": 8}
 SCORINGS = ("msac", "inliers")
+THRESHOLD = 3.0
+"""Standard deviations of the noise."""
 
 Options = tuple[float, int, bool, bool, float]
 
@@ -26,33 +25,39 @@ def ransac_relative_pose(
     correspondences: Correspondences,
     *,
     solver: str = "2pt",
-    threshold: float = 0.03,
+    threshold: float | None = None,
     max_iterations: int = 1000,
     scoring: str = "msac",
     local_optimization: bool = True,
     confidence: float | None = None,
+    loss: str | None = DEFAULT_LOSS,
     noise: float = 0.01,
     rng: np.random.Generator | int | None = 0,
 ) -> RelativePose:
-    """Estimate the relative pose of two views by a planar RANSAC and an M-estimator.
+    """Estimate the relative pose of two views by a RANSAC and an M-estimator.
 
-    Samples of two or three correspondences give poses; the one that most correspondences agree
-    with, with positive depths, is polished as `estimate_relative_pose` does. It needs no table and
+    Samples of a few correspondences give poses; the one that most correspondences agree with, with
+    positive depths, is polished by iteratively reweighted least squares. It needs no table and
     knows no posterior: of a scene with two answers it gives one.
 
-    Correspondences whose bearings lie on different sides of the horizon agree with no pose and are
-    not drawn. Where there are fewer pairs of the others than ``max_iterations``, "2pt" tries every
-    pair once.
+    The planar solvers take each correspondence for one constraint that is linear in the sines and
+    cosines of both headings. Two of them leave a plane of solutions, which meets the headings' two
+    unit circles in up to two points: the curves of two correspondences cross twice. The depths'
+    signs tell most, not all, of the second answers. Correspondences whose bearings lie on different
+    sides of the horizon agree with no pose and are not drawn. Where there are fewer pairs of the
+    others than ``max_iterations``, "2pt" tries every pair once.
 
     Parameters
     ----------
     correspondences : Correspondences
         Between the reference view L and the query view R.
-    solver : {"2pt", "3pt"}
-        Correspondences a sample: two, which determine the pose, or three, whose linear solution
-        ignores that sine and cosine belong together.
-    threshold : float
-        Largest residual of a correspondence that agrees, radians; three times the noise is best.
+    solver : {"2pt", "3pt", "8pt"}
+        Correspondences a sample: two, which determine the planar pose, three, whose linear solution
+        ignores that sine and cosine belong together, or eight, which determine a pose that need not
+        be planar: views may roll and pitch, and it is polished in all its five angles. Of it the
+        headings are given.
+    threshold : float, optional
+        Largest residual of a correspondence that agrees, radians. Default: three times the noise.
     max_iterations : int
         Samples to draw.
     scoring : {"msac", "inliers"}
@@ -62,6 +67,8 @@ def ransac_relative_pose(
     confidence : float, optional
         Stop when a sample without a mismatch has been drawn with this probability, judged by the
         best pose so far. By default all iterations are made.
+    loss : {"cauchy", "huber", "tukey"}, optional
+        The M-estimator's, see `refine_relative_pose`; ``None`` for none.
     noise : float
         Standard deviation of the bearings, radians; it sets the M-estimator's cut-offs.
     rng : numpy.random.Generator or int, optional
@@ -85,94 +92,89 @@ def ransac_relative_pose(
     M. Fischler, R. Bolles, "Random sample consensus", CACM 24(6), 1981. P. Torr, A. Zisserman,
     "MLESAC", CVIU 78(1), 2000 (truncated squares). O. Chum, J. Matas, J. Kittler, "Locally
     optimized RANSAC", DAGM 2003. S. Choi, J.-H. Kim, "Fast and reliable minimal relative pose
-    estimation under planar motion", IVC 69, 2018 (the planar solvers).
+    estimation under planar motion", IVC 69, 2018 (the planar solvers). R. Hartley, "In defense of
+    the eight-point algorithm", PAMI 19(6), 1997.
     """
-    options = _checked(
-        solver, threshold, max_iterations, scoring, local_optimization, confidence, noise
-    )
-    columns = bearing_columns(correspondences)
-    bearings = np.ascontiguousarray(columns.T)
-    headings, information, counts = _run(bearings[None], SAMPLE_SIZES[solver], options, noise, rng)
-    inliers, alarms = counts[0, :1].copy(), np.empty(1)
-    cutoff = noise * float(CUTOFFS[-1])
-    if inliers[0]:  # else there is no model, and on the horizon any pose agrees
-        judge(columns, np.array([0, len(bearings)]), headings, cutoff, SHIFTS, inliers, alarms)
-    return RelativePose(
-        heading_l=float(wrap_to_pi(headings[0, 0])),
-        heading_r=float(wrap_to_pi(headings[0, 1])),
-        covariance=_covariance(information[0], int(inliers[0]), noise),
-        log_likelihood=0.0,
-        log_evidence=0.0,
-        num_inliers=int(inliers[0]),
-        success=bool(inliers[0] >= MIN_INLIERS and alarms[0] < log(MAX_FALSE_ALARMS)),
-    )
+    return ransac_relative_poses(
+        [correspondences],
+        solver=solver,
+        threshold=threshold,
+        max_iterations=max_iterations,
+        scoring=scoring,
+        local_optimization=local_optimization,
+        confidence=confidence,
+        loss=loss,
+        noise=noise,
+        rng=rng,
+    )[0]
 
 
-def ransac_headings(
-    bearings: ArrayLike,
+def ransac_relative_poses(
+    pairs: Sequence[Correspondences],
     *,
     solver: str = "2pt",
-    threshold: float = 0.03,
+    threshold: float | None = None,
     max_iterations: int = 1000,
     scoring: str = "msac",
     local_optimization: bool = True,
     confidence: float | None = None,
+    loss: str | None = DEFAULT_LOSS,
     noise: float = 0.01,
     rng: np.random.Generator | int | None = 0,
-) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Estimate the headings of many pairs of views at once, for experiments and timing.
-
-    As `ransac_relative_pose`, whose options it takes, without covariance and test of success.
+) -> list[RelativePose]:
+    """Estimate the relative poses of many pairs of views, each as `ransac_relative_pose` does.
 
     Parameters
     ----------
-    bearings : array_like of shape (pairs, n, 4)
-        ``[azimuth_l, elevation_l, azimuth_r, elevation_r]``, radians, as
-        `CorrespondenceSimulator.sample` gives them.
-    solver, threshold, max_iterations, scoring, local_optimization, confidence, noise, rng
-        See `ransac_relative_pose`.
+    pairs : sequence of Correspondences
+        Each between a reference view L and a query view R.
+    solver, threshold, max_iterations, scoring, local_optimization, confidence, loss, noise, rng
+        See `ransac_relative_pose`. Each pair has the same random numbers.
 
     Returns
     -------
-    headings : ndarray of shape (pairs, 2)
-        ``[heading_l, heading_r]``, radians in (-pi, pi]; 0 where there is no model.
-    counts : ndarray of shape (pairs, 2)
-        Numbers of inliers and of iterations.
+    list of RelativePose
+        One a pair.
 
     Raises
     ------
     ValueError
-        As `ransac_relative_pose`, or if the bearings have another shape or are not finite.
+        As `ransac_relative_pose`.
     """
+    sample_size = SAMPLE_SIZES.get(solver, 0)
     options = _checked(
-        solver, threshold, max_iterations, scoring, local_optimization, confidence, noise
+        solver, threshold, max_iterations, scoring, local_optimization, confidence, loss, noise
     )
-    angles = np.asarray(bearings, dtype=np.float64)
-    if angles.ndim != 3 or angles.shape[2] != 4:
-        raise ValueError(f"bearings: expected shape (pairs, n, 4), got {angles.shape}")
-    if not np.isfinite(angles).all():
-        raise ValueError("bearings: expected finite numbers")
-    table = np.stack([np.sin(angles), np.cos(angles)], axis=3).reshape(*angles.shape[:2], 8)
-    headings, _, counts = _run(table, SAMPLE_SIZES[solver], options, noise, rng)
-    return wrap_to_pi(headings), counts
+    seed = np.random.default_rng(rng).integers(0, 2**64, size=1, dtype=np.uint64)
+    columns, first = pair_columns(pairs)
+    # the kernels' counter wraps around on purpose; without the compiler NumPy would warn of it
+    with np.errstate(over="ignore"):
+        if solver == "8pt":
+            return eight_point_poses(columns, first, seed, options, loss, noise)
+        headings, iterations = np.empty((len(pairs), 2)), np.empty(len(pairs), np.int64)
+        search_many(columns, first, seed, sample_size, options, headings, iterations)
+    poses = refined_poses(columns, first, headings, loss, noise)
+    return [pose if found > 0 else no_pose() for pose, found in zip(poses, iterations, strict=True)]
 
 
 def _checked(
     solver: str,
-    threshold: float,
+    threshold: float | None,
     max_iterations: int,
     scoring: str,
     local_optimization: bool,
     confidence: float | None,
+    loss: str | None,
     noise: float,
 ) -> Options:
-    """Refuse options out of range, and give the kernel's."""
+    """Refuse options out of range, and give the kernels'."""
     for name, value, known in (("solver", solver, SAMPLE_SIZES), ("scoring", scoring, SCORINGS)):
         if value not in known:
             raise ValueError(f"{name}: expected one of {', '.join(known)}, got {value!r}")
-    for name, angle in (("threshold", threshold), ("noise", noise)):
-        if not 0.0 < angle < np.pi / 2:
-            raise ValueError(f"{name}: expected radians in (0, pi/2), got {angle}")
+    check_loss(loss or DEFAULT_LOSS, noise)
+    threshold = THRESHOLD * noise if threshold is None else threshold
+    if not 0.0 < threshold < np.pi / 2:
+        raise ValueError(f"threshold: expected radians in (0, pi/2), got {threshold}")
     if not 1 <= max_iterations < 2**31 or max_iterations != int(max_iterations):
         raise ValueError(f"max_iterations: expected a positive integer, got {max_iterations}")
     if confidence is not None and not 0.0 < confidence < 1.0:
@@ -184,42 +186,3 @@ def _checked(
         bool(local_optimization),
         float(confidence or 0.0),
     )
-
-
-def _run(
-    bearings: FloatArray,
-    sample_size: int,
-    options: Options,
-    noise: float,
-    rng: np.random.Generator | int | None,
-) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
-    """Give the headings, the information and the counts of all pairs."""
-    pairs = len(bearings)
-    headings, information = np.empty((pairs, 2)), np.empty((pairs, 4))
-    counts = np.empty((pairs, 2), np.int64)
-    state = np.random.default_rng(rng).integers(0, 2**64, size=1, dtype=np.uint64)
-    # the counter wraps around on purpose; without the compiler NumPy would warn of it
-    with np.errstate(over="ignore"):
-        ransac_batch(
-            bearings,
-            sample_size,
-            options,
-            noise * CUTOFFS,
-            STEPS_PER_CUTOFF,
-            state,
-            headings,
-            information,
-            counts,
-        )
-    return headings, information, counts
-
-
-def _covariance(information: FloatArray, inliers: int, noise: float) -> FloatArray:
-    """Invert the M-estimator's information, bounded by the covariance of uniform angles."""
-    if inliers < MIN_INLIERS:
-        return np.eye(2) * UNIFORM_VARIANCE
-    a, b, c, squares = information
-    variance = max(squares / (BIWEIGHT_SPREAD * (inliers - 2)), noise**2)
-    prior = np.eye(2) / UNIFORM_VARIANCE
-    covariance: FloatArray = np.linalg.inv(np.array([[a, b], [b, c]]) / variance + prior)
-    return covariance

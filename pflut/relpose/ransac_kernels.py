@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pflut._jit import jit
+from pflut._robust import TUKEY, iterations_needed, robust_weight, uniform
 
 SIN_L, COS_L, SIN_R, COS_R, SCALE_L, SCALE_R, GRADIENT, GRADIENT_L, GRADIENT_R = range(9)
 NUM_ROWS = 9
@@ -17,35 +18,24 @@ LOCAL_STEPS = 6
 
 
 @jit
-def _uniform(state):  # type: ignore[no-untyped-def]
-    """Draw from [0, 1): splitmix64."""
-    state[0] += np.uint64(0x9E3779B97F4A7C15)
-    z = state[0]
-    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    z = z ^ (z >> np.uint64(31))
-    return (z >> np.uint64(11)) * (1.0 / 9007199254740992.0)
-
-
-@jit
-def prepare(bearings, state, rows, pool):  # type: ignore[no-untyped-def]
+def prepare(columns, state, rows, pool):  # type: ignore[no-untyped-def]
     """Fill the rows of a pair, and the pool that samples are drawn from, shuffled.
 
     A correspondence whose bearings lie on different sides of the horizon has no pose with both
     depths positive, so that no sample holds it.
 
-    ``bearings`` (n, 8): sines and cosines of azimuth_l, elevation_l, azimuth_r, elevation_r;
+    ``columns`` (8, n): sines and cosines of azimuth_l, elevation_l, azimuth_r, elevation_r;
     ``rows`` (NUM_ROWS, n up to a multiple of BLOCK) out, zero behind n; ``pool`` (n,) out. Returns
     the size of the pool.
     """
-    n = bearings.shape[0]
+    n = columns.shape[1]
     size = 0
     rows[:, n:] = 0.0
     for i in range(n):
-        sin_l, cos_l = bearings[i, 2], bearings[i, 3]
-        sin_r, cos_r = bearings[i, 6], bearings[i, 7]
-        rows[SIN_L, i], rows[COS_L, i] = bearings[i, 0], bearings[i, 1]
-        rows[SIN_R, i], rows[COS_R, i] = bearings[i, 4], bearings[i, 5]
+        sin_l, cos_l = columns[2, i], columns[3, i]
+        sin_r, cos_r = columns[6, i], columns[7, i]
+        rows[SIN_L, i], rows[COS_L, i] = columns[0, i], columns[1, i]
+        rows[SIN_R, i], rows[COS_R, i] = columns[4, i], columns[5, i]
         rows[SCALE_L, i] = sin_r * cos_l
         rows[SCALE_R, i] = sin_l * cos_r
         # the squared gradient is a quadratic form of sin u and sin v
@@ -57,7 +47,7 @@ def prepare(bearings, state, rows, pool):  # type: ignore[no-untyped-def]
             pool[size] = i
             size += 1
     for i in range(size - 1, 0, -1):
-        j = int(_uniform(state) * (i + 1))
+        j = int(uniform(state) * (i + 1))
         pool[i], pool[j] = pool[j], pool[i]
     return size
 
@@ -176,19 +166,14 @@ def solve(rows, samples, models):  # type: ignore[no-untyped-def]
 
 
 @jit
-def refine_model(rows, n, cutoff, steps, headings, information):  # type: ignore[no-untyped-def]
+def improve(rows, n, cutoff, headings):  # type: ignore[no-untyped-def]
     """Move the two headings to a minimum of Tukey's biweight of the residuals in front.
 
-    Iteratively reweighted least squares by Gauss-Newton steps, as `kernels.refine` for one
-    cut-off.
-
-    ``headings`` (2,) in and out; ``information`` (4,) out: the entries (0, 0), (0, 1), (1, 1) of
-    J^T W J, and the weighted sum of squared residuals. Returns the number of inliers.
+    The M-estimator of `refine_kernels.refine` on the rows that scoring uses: a few steps with one
+    cut-off. ``headings`` (2,) in and out.
     """
-    inliers = 0
-    for _ in range(steps):
-        a = b = c = g = h = squares = 0.0
-        inliers = 0
+    for _ in range(LOCAL_STEPS):
+        a = b = c = g = h = 0.0
         sin_theta, cos_theta = np.sin(headings[0]), np.cos(headings[0])
         sin_phi, cos_phi = np.sin(headings[1]), np.cos(headings[1])
         for i in range(n):
@@ -201,24 +186,21 @@ def refine_model(rows, n, cutoff, steps, headings, information):  # type: ignore
             gradient += rows[GRADIENT_L, i] * sin_u * sin_u + rows[GRADIENT_R, i] * sin_v * sin_v
             gradient = max(gradient, 1e-24)
             value = left + right
-            ratio = value * value / (cutoff * cutoff * gradient)
             apex = sin_u * cos_v - cos_u * sin_v
-            if ratio >= 1.0 or max(-sin_u * apex, sin_v * apex) > CHEIRALITY_SLACK:
+            behind = max(-sin_u * apex, sin_v * apex) > CHEIRALITY_SLACK
+            if behind or value * value >= cutoff * cutoff * gradient:
                 continue
-            inliers += 1
-            weight = (1.0 - ratio) ** 2 / gradient
+            weight = robust_weight(value / np.sqrt(gradient), TUKEY, 0.0, cutoff) / gradient
             slope_l, slope_r = rows[SCALE_L, i] * cos_u, rows[SCALE_R, i] * cos_v
             a += weight * slope_l * slope_l
             b += weight * slope_l * slope_r
             c += weight * slope_r * slope_r
             g += weight * slope_l * value
             h += weight * slope_r * value
-            squares += weight * value * value
-        information[0], information[1], information[2], information[3] = a, b, c, squares
         # a little damping: a turn on the spot leaves one direction free
         damping = 1e-6 * (a + c) + 1e-12
         determinant = (a + damping) * (c + damping) - b * b
-        if inliers == 0 or determinant <= 0.0:
+        if determinant <= 0.0:
             break
         step_l = ((c + damping) * g - b * h) / determinant
         step_r = ((a + damping) * h - b * g) / determinant
@@ -231,7 +213,6 @@ def refine_model(rows, n, cutoff, steps, headings, information):  # type: ignore
         headings[1] -= step_r
         if length < 1e-7:
             break
-    return inliers
 
 
 @jit
@@ -247,8 +228,8 @@ def _draw(state, pool, iteration, samples):  # type: ignore[no-untyped-def]
     if samples.shape[0] == 2:
         samples[1] = pool[(first + 1 + iteration // size) % size]
         return
-    second = int(_uniform(state) * (size - 1))
-    third = int(_uniform(state) * (size - 2))
+    second = int(uniform(state) * (size - 1))
+    third = int(uniform(state) * (size - 2))
     # the numbers of those not taken yet
     second += second >= first
     low, high = min(first, second), max(first, second)
@@ -265,25 +246,26 @@ def _write_model(headings, model):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _iterations_needed(inliers, pool_size, sample_size, confidence):  # type: ignore[no-untyped-def]
-    """Give the iterations after which a sample of inliers has been drawn with confidence."""
-    share = 1.0
-    for k in range(sample_size):
-        share *= max(inliers - k, 0.0) / (pool_size - k)
-    if share <= 0.0:
-        return np.inf
-    return np.log1p(-confidence) / np.log1p(-share) if share < 1.0 else 1.0
+def search(columns, state, options, work, headings):  # type: ignore[no-untyped-def]
+    """Find the cheapest model of a pair: samples, their models, each new best one improved.
 
+    ``columns`` (8, n) as `prepare` takes them; ``state`` (1,) uint64 of the random numbers, in and
+    out; ``options``: the threshold of the residual in radians, the largest number of iterations,
+    whether the costs are truncated squares, whether each new best model is moved to a minimum, the
+    confidence to stop at (0: never); ``work``: the rows and the pool of `prepare`, and the sample
+    (2,) or (3,), whose size chooses the solver. ``headings`` (2,) out.
 
-@jit
-def _search(rows, n, pool, samples, options, state, headings, information):  # type: ignore[no-untyped-def]
-    """Find the cheapest model: samples, their models, and each new best one moved to a minimum.
-
-    The arguments are those of `ransac`; ``headings`` (2,) out, ``information`` (4,) is changed.
-    Returns the iterations taken, negative if no model costs less than having none.
+    Returns the iterations taken, negative or zero if no model costs less than having none; the
+    headings are then zero. O(iterations n).
     """
     threshold, max_iterations, truncated, optimise, confidence = options
-    size = pool.shape[0]
+    rows, pool, samples = work
+    n = columns.shape[1]
+    size = prepare(columns, state, rows, pool)
+    headings[:] = 0.0
+    if size < samples.shape[0]:
+        return 0
+    pool = pool[:size]
     models, local, model = np.empty((2, 4)), np.empty(2), np.empty(4)
     cheapest = cheapest_minimal = float(n)
     stop = float(max_iterations)
@@ -304,7 +286,7 @@ def _search(rows, n, pool, samples, options, state, headings, information):  # t
                 cheapest = cost
                 headings[:] = local
             if optimise:
-                refine_model(rows, n, threshold, LOCAL_STEPS, local, information)
+                improve(rows, n, threshold, local)
                 _write_model(local, model)
                 cost = model_cost(rows, model, threshold, truncated, cheapest)
                 if cost < cheapest:
@@ -313,53 +295,24 @@ def _search(rows, n, pool, samples, options, state, headings, information):  # t
             if confidence > 0.0:
                 _write_model(headings, model)
                 inliers = min(n - model_cost(rows, model, threshold, False, np.inf), size)
-                needed = _iterations_needed(inliers, size, samples.shape[0], confidence)
+                needed = iterations_needed(inliers, size, samples.shape[0], confidence)
                 stop = min(stop, needed)
     return iteration if cheapest < n else -iteration
 
 
 @jit
-def ransac(bearings, options, cutoffs, steps, state, work, headings, information):  # type: ignore[no-untyped-def]
-    """Estimate the headings of one pair: the search, then the M-estimator.
+def search_many(columns, first, seed, sample_size, options, headings, iterations):  # type: ignore[no-untyped-def]
+    """Find the cheapest models of many pairs, as `search`, each with the same random numbers.
 
-    ``bearings`` (n, 8) as `prepare` takes them; ``options``: the threshold of the residual in
-    radians, the largest number of iterations, whether the costs are truncated squares, whether
-    each new best model is moved to a minimum, the confidence to stop at (0: never); ``cutoffs`` of
-    the M-estimator, each with so many ``steps``; ``state`` (1,) uint64 of the random numbers, in
-    and out; ``work``: the rows and the pool of `prepare`, and the sample (2,) or (3,), whose size
-    chooses the solver. ``headings`` (2,) and ``information`` (4,) out, see `refine_model`.
-
-    Returns the number of inliers within the last cut-off, and that of iterations. Without a model
-    both outputs are zero, and no correspondence is an inlier. O(iterations n).
+    Pair k has the columns ``first[k]`` to ``first[k + 1]`` of ``columns`` (8, n). ``seed`` uint64;
+    ``sample_size`` 2 or 3; ``headings`` (pairs, 2) and ``iterations`` (pairs,) out.
     """
-    rows, pool, samples = work
-    n = bearings.shape[0]
-    headings[:] = 0.0
-    information[:] = 0.0
-    size = prepare(bearings, state, rows, pool)
-    if size < samples.shape[0]:
-        return 0, 0
-    found = _search(rows, n, pool[:size], samples, options, state, headings, information)
-    inliers = 0
-    if found > 0:
-        for cutoff in cutoffs:
-            inliers = refine_model(rows, n, cutoff, steps, headings, information)
-    return inliers, abs(found)
-
-
-@jit
-def ransac_batch(  # type: ignore[no-untyped-def]
-    bearings, sample_size, options, cutoffs, steps, state, headings, information, counts
-):
-    """Estimate the headings of many pairs with equally many correspondences, see `ransac`.
-
-    ``bearings`` (pairs, n, 8); ``sample_size`` 2 or 3; ``headings`` (pairs, 2), ``information``
-    (pairs, 4) and ``counts`` (pairs, 2: inliers and iterations) out.
-    """
-    n = bearings.shape[1]
-    rows = np.empty((NUM_ROWS, (n + BLOCK - 1) // BLOCK * BLOCK))
-    work = (rows, np.empty(n, np.int64), np.empty(sample_size, np.int64))
-    for p in range(bearings.shape[0]):
-        counts[p, 0], counts[p, 1] = ransac(
-            bearings[p], options, cutoffs, steps, state, work, headings[p], information[p]
-        )
+    samples, state = np.empty(sample_size, np.int64), seed.copy()
+    for k in range(headings.shape[0]):
+        n = first[k + 1] - first[k]
+        # of its own size each, so that the loop over it is contiguous
+        rows = np.empty((NUM_ROWS, (n + BLOCK - 1) // BLOCK * BLOCK))
+        work = (rows, np.empty(n, np.int64), samples)
+        state[:] = seed
+        pair = columns[:, first[k] : first[k + 1]]
+        iterations[k] = search(pair, state, options, work, headings[k])

@@ -56,3 +56,8 @@ class RelativePose:
         """Standard deviation of the rotation, radians."""
         c = self.covariance
         return float(np.sqrt(max(c[0, 0] - 2.0 * c[0, 1] + c[1, 1], 0.0)))
+
+
+def no_pose() -> RelativePose:
+    """Return the result of a pair of which nothing is known."""
+    return RelativePose(0.0, 0.0, np.eye(2) * UNIFORM_VARIANCE, 0.0, 0.0, 0, False)

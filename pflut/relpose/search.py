@@ -8,12 +8,15 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
+from pflut._robust import TUKEY
 from pflut.correspondences import Correspondences
 from pflut.geometry import TWO_PI, FloatArray, rotation_from_headings, wrap_to_pi
 from pflut.likelihood.residual_kernels import PairArrays, maximize, score
-from pflut.likelihood.table import LikelihoodTable, sines_and_cosines
-from pflut.relpose.kernels import choose, judge, refine_many
-from pflut.relpose.result import UNIFORM_VARIANCE, RelativePose
+from pflut.likelihood.table import LikelihoodTable, pair_columns
+from pflut.relpose.judge_kernels import choose
+from pflut.relpose.judgement import covariances, judged, widened
+from pflut.relpose.refine_kernels import refine_many
+from pflut.relpose.result import RelativePose
 
 COARSE = {0.005: (80, 5), 0.0: (128, 8)}
 """Cells an axis of the grid in which candidates are looked for, and how many of them there are, by
@@ -25,11 +28,6 @@ CUTOFFS = (6.0, 3.0)
 STEPS_PER_CUTOFF = 2
 CLIMBS = ((3, 2), (1, 8))
 """After a first step of all candidates, so many best ones of a pair climb so many steps."""
-INLIER_CUTOFF = 3.0
-MIN_INLIERS = 3
-SHIFTS = 16
-"""Certain mismatches looked at a correspondence, to measure what coincidence brings."""
-MAX_FALSE_ALARMS = 0.01
 BAND = 0.04
 """Radians of the rotation within which poses count as one turn on the spot."""
 BAND_MARGIN = 3.0
@@ -119,15 +117,17 @@ def _solve(
     most: int,
 ) -> list[RelativePose]:
     """Estimate the poses of some pairs; see `estimate_relative_poses`."""
-    first = np.cumsum([0, *map(len, pairs)])
-    columns, odds = _gather(pairs, table)
+    columns, first = pair_columns(pairs)
+    odds = _odds(pairs, table)
     shapes = table.shapes(columns)
     arrays = PairArrays(columns, shapes, odds, first)
     poses, _, owners, evidence = table.ridges(bins).candidates(
         columns, shapes, odds, first, margin=MARGIN, most=most
     )
+    cutoffs, scratch = noise * np.array(CUTOFFS), np.empty((len(poses), 4))
+    agreeing = np.empty(len(poses), np.int64)
     refine_many(
-        columns, first, noise * np.array(CUTOFFS), STEPS_PER_CUTOFF, poses, owners, np.empty(4)
+        columns, first, TUKEY, 0.0, cutoffs, STEPS_PER_CUTOFF, poses, owners, scratch, agreeing
     )
     values = np.empty(len(poses))
     information = np.empty((len(poses), 5))
@@ -138,13 +138,12 @@ def _solve(
         poses[chosen], values[chosen], information[chosen] = climbing, found, known
     # the last of them are one a pair, in the pairs' order
     headings = wrap_to_pi(poses[chosen])
-    inliers, alarms = np.empty(len(pairs), np.int64), np.empty(len(pairs))
-    judge(columns, first, headings, INLIER_CUTOFF * noise, SHIFTS, inliers, alarms)
+    inliers, success = judged(columns, first, headings, noise)
     owner = np.repeat(np.arange(len(pairs)), np.diff(first))
     constant = np.bincount(owner, np.log1p(odds), minlength=len(pairs))
-    covariance = _covariances(information[chosen], noise)
-    covariance = _widened(covariance, _band_variances(arrays, table, poses, values, owners, chosen))
-    success = (inliers >= MIN_INLIERS) & (alarms < np.log(MAX_FALSE_ALARMS))
+    known = information[chosen]
+    covariance = covariances(known, known[:, 3], known[:, 4] - 2.0, noise)
+    covariance = widened(covariance, _band_variances(arrays, table, poses, values, owners, chosen))
     return [
         RelativePose(*row)
         for row in zip(
@@ -160,37 +159,17 @@ def _solve(
     ]
 
 
-def _gather(
-    pairs: Sequence[Correspondences], table: LikelihoodTable
-) -> tuple[FloatArray, FloatArray]:
-    """Give the bearings (8, n) and the odds (n,) of all pairs' correspondences."""
+def _odds(pairs: Sequence[Correspondences], table: LikelihoodTable) -> FloatArray:
+    """Give the odds (n,) of all pairs' correspondences."""
     if table.quality is not None and any(pair.quality is not None for pair in pairs):
-        odds = np.concatenate([table.odds(pair) for pair in pairs])
-    else:
-        odds = np.full(sum(map(len, pairs)), table.prior_odds)
-    angles = (
-        np.concatenate([getattr(pair, name) for pair in pairs])
-        for name in ("azimuth_l", "elevation_l", "azimuth_r", "elevation_r")
-    )
-    return sines_and_cosines(*angles), odds
+        return np.concatenate([table.odds(pair) for pair in pairs])
+    return np.full(sum(map(len, pairs)), table.prior_odds)
 
 
 def _best(values: FloatArray, owners: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     """Choose the ``count`` candidates of highest value of each pair, in the pairs' order."""
     out = np.empty(len(values), np.int64)
     return out[: choose(values, owners, count, out)]
-
-
-def _covariances(information: FloatArray, noise: float) -> FloatArray:
-    """Invert informations (p, 5) at the residuals' spread, bounded by that of uniform angles."""
-    a, b, c, squares, weight = information.T
-    # noise is a floor: few true matches may agree by luck
-    variance = np.maximum(squares / np.maximum(weight - 2.0, 1e-3), noise**2)
-    prior = 1.0 / UNIFORM_VARIANCE
-    a, b, c = a / variance + prior, b / variance, c / variance + prior
-    determinant = a * c - b * b
-    inverse = np.stack([c, -b, -b, a], axis=1) / determinant[:, None]
-    return np.asarray(inverse.reshape(-1, 2, 2))
 
 
 def _band_variances(
@@ -224,9 +203,3 @@ def _band_variances(
         weight = np.exp(rows - rows.max(axis=1, keepdims=True))
         out[banded] = (weight * away**2).sum(axis=1) / weight.sum(axis=1)
     return out
-
-
-def _widened(covariance: FloatArray, band: FloatArray) -> FloatArray:
-    """Add variances along the band, bounded by that of uniform angles."""
-    largest = np.maximum(covariance[:, 0, 0], covariance[:, 1, 1])
-    return covariance + np.minimum(band, UNIFORM_VARIANCE - largest)[:, None, None]

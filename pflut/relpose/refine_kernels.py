@@ -1,12 +1,11 @@
-"""Kernel of the M-estimator: the planar epipolar residual, reweighted least squares."""
+"""Kernels of the M-estimator: the planar epipolar residual, reweighted least squares."""
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 
 from pflut._jit import jit
+from pflut._robust import TUKEY, robust_weight
 
 
 @jit
@@ -48,6 +47,8 @@ def _refine(  # type: ignore[no-untyped-def]
     cos_ar,
     sin_er,
     cos_er,
+    loss,
+    knee,
     scales,
     steps_per_scale,
     headings,
@@ -78,10 +79,9 @@ def _refine(  # type: ignore[no-untyped-def]
                 residual = (p * sin_u + q * sin_v) * norm
                 by_theta, by_phi = p * cos_u * norm, q * cos_v * norm
                 apex = sin_u * cos_v - cos_u * sin_v
-                ratio = residual / scale
-                left = 1.0 - ratio * ratio
-                counts = (sin_u * apex >= -1e-3) & (sin_v * apex <= 1e-3) & (left > 0.0)
-                weight = left * left if counts else 0.0
+                counts = (sin_u * apex >= -1e-3) & (sin_v * apex <= 1e-3)
+                counts &= residual * residual < scale * scale
+                weight = robust_weight(residual, loss, knee, scale) if counts else 0.0
                 inliers += 1.0 if counts else 0.0
                 a += weight * by_theta * by_theta
                 b += weight * by_theta * by_phi
@@ -110,16 +110,16 @@ def _refine(  # type: ignore[no-untyped-def]
 
 
 @jit
-def refine(columns, scales, steps_per_scale, headings, information):  # type: ignore[no-untyped-def]
+def refine(columns, loss, knee, scales, steps_per_scale, headings, information):  # type: ignore[no-untyped-def]
     """Polish the two headings by iteratively reweighted least squares.
 
-    Minimises the sum of Tukey's biweight of the residuals with positive depths, the scale going
-    down through ``scales`` (the biweight's cut-offs, radians), by Gauss-Newton steps.
+    Minimises the sum of a robust loss of the residuals with positive depths, residuals beyond a
+    cut-off left out, the cut-off going down through ``scales`` (radians), by Gauss-Newton steps.
 
     ``columns`` (8, n) sines and cosines of azimuth_l, elevation_l, azimuth_r, elevation_r;
-    ``headings`` (2,) in and out; ``information`` (4,) out: the entries (0, 0), (0, 1), (1, 1) of
-    J^T W J, and the weighted sum of squared residuals. Returns the number of inliers (residual
-    below the last cut-off with positive depths).
+    ``loss``, ``knee`` see `robust_weight`; ``headings`` (2,) in and out; ``information`` (4,) out:
+    the entries (0, 0), (0, 1), (1, 1) of J^T W J, and the weighted sum of squared residuals.
+    Returns the number of inliers (residual below the last cut-off with positive depths).
     """
     return _refine(
         columns[0],
@@ -130,6 +130,8 @@ def refine(columns, scales, steps_per_scale, headings, information):  # type: ig
         columns[5],
         columns[6],
         columns[7],
+        loss,
+        knee,
         scales,
         steps_per_scale,
         headings,
@@ -138,15 +140,17 @@ def refine(columns, scales, steps_per_scale, headings, information):  # type: ig
 
 
 @jit
-def refine_many(columns, first, scales, steps_per_scale, poses, owners, information):  # type: ignore[no-untyped-def]
+def refine_many(  # type: ignore[no-untyped-def]
+    columns, first, loss, knee, scales, steps_per_scale, poses, owners, information, inliers
+):
     """Polish many poses of many pairs, as `refine`.
 
     Pair k has the columns ``first[k]`` to ``first[k + 1]`` of ``columns`` (8, n); ``poses`` (m, 2)
-    in and out, ``owners`` (m,) the pairs; ``information`` (4,) scratch.
+    in and out, ``owners`` (m,) the pairs; ``information`` (m, 4) and ``inliers`` (m,) out.
     """
     for m in range(poses.shape[0]):
         low, high = first[owners[m]], first[owners[m] + 1]
-        _refine(
+        inliers[m] = _refine(
             columns[0, low:high],
             columns[1, low:high],
             columns[2, low:high],
@@ -155,132 +159,13 @@ def refine_many(columns, first, scales, steps_per_scale, poses, owners, informat
             columns[5, low:high],
             columns[6, low:high],
             columns[7, low:high],
+            loss,
+            knee,
             scales,
             steps_per_scale,
             poses[m],
-            information,
+            information[m],
         )
-
-
-@jit
-def _count_inliers(  # type: ignore[no-untyped-def]
-    sin_al, cos_al, sin_el, cos_el, sin_ar, cos_ar, sin_er, cos_er, cutoff, headings
-):
-    """Count the correspondences that agree with a pose; the loop is vectorised."""
-    sin_theta, cos_theta = np.sin(headings[0]), np.cos(headings[0])
-    sin_phi, cos_phi = np.sin(headings[1]), np.cos(headings[1])
-    inliers = 0.0
-    for i in range(sin_al.size):
-        sin_u = sin_theta * cos_al[i] - cos_theta * sin_al[i]
-        cos_u = cos_theta * cos_al[i] + sin_theta * sin_al[i]
-        sin_v = sin_phi * cos_ar[i] - cos_phi * sin_ar[i]
-        cos_v = cos_phi * cos_ar[i] + sin_phi * sin_ar[i]
-        p, q = sin_er[i] * cos_el[i], sin_el[i] * cos_er[i]
-        both, height = cos_el[i] * cos_er[i], sin_el[i] * sin_er[i]
-        across_l = sin_er[i] * cos_u
-        upward_l = both * sin_v - height * sin_u
-        across_r = sin_el[i] * cos_v
-        upward_r = both * sin_u - height * sin_v
-        square = across_l**2 + upward_l**2 + across_r**2 + upward_r**2
-        value = p * sin_u + q * sin_v
-        apex = sin_u * cos_v - cos_u * sin_v
-        counts = (sin_u * apex >= -1e-3) & (sin_v * apex <= 1e-3)
-        counts &= value * value < cutoff * cutoff * (square + 1e-24)
-        inliers += 1.0 if counts else 0.0
-    return int(inliers)
-
-
-@jit
-def log_false_alarms(inliers, total, share, cutoff):  # type: ignore[no-untyped-def]
-    """Give the log of the number of poses expected to have as many inliers by coincidence.
-
-    The a-contrario test (Moisan, Stival, "A probabilistic criterion to detect rigid point matches
-    between two images and estimate the fundamental matrix", IJCV 57(3), 2004): the binomial tail
-    of ``inliers`` out of ``total`` at the chance ``share`` that a mismatch agrees with a pose,
-    times the number of poses that differ, one every ``2 cutoff`` radians along each heading.
-    Below zero, coincidence would bring less than one such pose.
-    """
-    share = min(max(share, 1.0 / (16.0 * max(total, 1))), 1.0 - 1e-9)
-    term = math.lgamma(total + 1.0) - math.lgamma(inliers + 1.0)
-    term -= math.lgamma(total - inliers + 1.0)
-    term += inliers * np.log(share) + (total - inliers) * np.log1p(-share)
-    # the terms after the first one, relative to it
-    ratio = 1.0
-    tail = 1.0
-    for k in range(inliers, total):
-        ratio *= (total - k) / (k + 1.0) * share / (1.0 - share)
-        tail += ratio
-        if ratio < 1e-12 * tail and k > share * total:
-            break
-    return 2.0 * np.log(np.pi / cutoff) + term + np.log(tail)
-
-
-@jit
-def choose(values, owners, count, chosen):  # type: ignore[no-untyped-def]
-    """Choose the ``count`` highest ``values`` (m,) of each owner, the highest first.
-
-    ``owners`` (m,) ascending. ``chosen`` (m,) int64 out, of which the first ones are filled: as
-    many as is returned.
-    """
-    total = begin = 0
-    for m in range(values.size):
-        if m == 0 or owners[m] != owners[m - 1]:
-            begin = total
-        k = total
-        while k > begin and values[chosen[k - 1]] < values[m]:
-            if k < begin + count:
-                chosen[k] = chosen[k - 1]
-            k -= 1
-        if k < begin + count:
-            chosen[k] = m
-            total = min(total + 1, begin + count)
-    return total
-
-
-@jit
-def judge(columns, first, poses, cutoff, shifts, inliers, alarms):  # type: ignore[no-untyped-def]
-    """Count what agrees with the pose of each pair, and tell whether coincidence would bring it.
-
-    What coincidence brings is measured at the pose with certain mismatches, made of the data's own
-    bearings: each point of L with the points of R that belong to the next ``shifts``
-    correspondences. Bearings that crowd in one direction agree with some poses far more often
-    than others.
-
-    Pair k has the columns ``first[k]`` to ``first[k + 1]`` of ``columns`` (8, n) and the headings
-    ``poses[k]``. ``cutoff`` largest residual, radians. Out: ``inliers`` (p,) int64, ``alarms``
-    (p,) of `log_false_alarms`. O(n shifts).
-    """
-    for k in range(poses.shape[0]):
-        low, high = first[k], first[k + 1]
-        n = high - low
-        inliers[k] = 0
-        alarms[k] = 0.0
-        agreeing = 0
-        shifted = min(shifts, n - 1)
-        for shift in range(shifted + 1):
-            # points of L from `start` on with points of R from `begin` on: two runs a shift
-            for part in range(2):
-                start = low if part == 0 else high - shift
-                begin = low + shift if part == 0 else low
-                size = n - shift if part == 0 else shift
-                count = _count_inliers(
-                    columns[0, start : start + size],
-                    columns[1, start : start + size],
-                    columns[2, start : start + size],
-                    columns[3, start : start + size],
-                    columns[4, begin : begin + size],
-                    columns[5, begin : begin + size],
-                    columns[6, begin : begin + size],
-                    columns[7, begin : begin + size],
-                    cutoff,
-                    poses[k],
-                )
-                if shift == 0:
-                    inliers[k] += count
-                else:
-                    agreeing += count
-        if n > 1:
-            alarms[k] = log_false_alarms(inliers[k], n, agreeing / (n * shifted), cutoff)
 
 
 @jit
@@ -333,7 +218,7 @@ def refine_pose(bearings, owners, references, scales, steps_per_scale, pose, inf
                 if not in_front or ratio * ratio >= 1.0:
                     continue
                 inliers += 1
-                weight = (1.0 - ratio * ratio) ** 2
+                weight = robust_weight(row[0], TUKEY, 0.0, scale)
                 turn = row[1] + row[2]
                 slope[0] = -turn * dy / square
                 slope[1] = turn * dx / square

@@ -1,0 +1,54 @@
+"""What robust estimators have in common, for kernels: samples, their number, weights of residuals.
+
+As with `_trig`, whoever edits this file deletes Numba's cache.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pflut._jit import inline, jit
+
+TUKEY, HUBER, CAUCHY = range(3)
+"""The losses."""
+
+
+@jit
+def uniform(state):  # type: ignore[no-untyped-def]
+    """Draw from [0, 1): splitmix64. ``state`` (1,) uint64, in and out."""
+    state[0] += np.uint64(0x9E3779B97F4A7C15)
+    z = state[0]
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    z = z ^ (z >> np.uint64(31))
+    return (z >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+
+
+@jit
+def iterations_needed(inliers, pool_size, sample_size, confidence):  # type: ignore[no-untyped-def]
+    """Give the iterations after which a sample of inliers has been drawn with confidence."""
+    share = 1.0
+    for k in range(sample_size):
+        share *= max(inliers - k, 0.0) / (pool_size - k)
+    if share <= 0.0:
+        return np.inf
+    return np.log1p(-confidence) / np.log1p(-share) if share < 1.0 else 1.0
+
+
+@inline
+def robust_weight(residual, loss, knee, cutoff):  # type: ignore[no-untyped-def]
+    """Give the weight of a residual below the cut-off, in least squares that minimise a loss.
+
+    ``knee`` is the residual at which Huber's loss turns linear, or Cauchy's scale. Tukey's biweight
+    has the cut-off alone: there its weight is zero. P. Huber, "Robust statistics", 1981; Z. Zhang,
+    "Parameter estimation techniques: a tutorial with application to conic fitting", 1997, table 1.
+    """
+    if loss == TUKEY:
+        ratio = residual / cutoff
+        left = 1.0 - ratio * ratio
+        return left * left
+    if loss == HUBER:
+        size = abs(residual)
+        return 1.0 if size <= knee else knee / size
+    ratio = residual / knee
+    return 1.0 / (1.0 + ratio * ratio)
