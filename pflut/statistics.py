@@ -204,6 +204,51 @@ def bootstrap_median(
     return float(low), float(high)
 
 
+def bootstrap_median_ratio(
+    errors: ArrayLike,
+    others: ArrayLike,
+    *,
+    level: float = 0.95,
+    resamples: int = 2000,
+    rng: np.random.Generator | int | None = None,
+) -> tuple[float, float]:
+    """Give the percentile bootstrap interval of a ratio of medians, of errors on the same things.
+
+    Parameters
+    ----------
+    errors, others : array_like of shape (n,)
+        Row by row of the same pair, drive or seed: they are drawn again together.
+    level : float
+        Of confidence, in (0, 1).
+    resamples : int
+        How often the rows are drawn again.
+    rng : Generator, int or None
+        Source of randomness.
+
+    Returns
+    -------
+    low, high : float
+        Of median(errors) over median(others); NaN of nothing.
+
+    Raises
+    ------
+    ValueError
+        If the shapes differ.
+    """
+    _check_level(level)
+    first, second = (np.asarray(values, dtype=np.float64) for values in (errors, others))
+    if first.shape != second.shape or first.ndim != 1:
+        raise ValueError(
+            f"errors, others: expected the same shape (n,), got {first.shape} and {second.shape}"
+        )
+    if not first.size:
+        return np.nan, np.nan
+    draws = np.random.default_rng(rng).integers(first.size, size=(resamples, first.size))
+    ratios = np.median(first[draws], axis=1) / np.median(second[draws], axis=1)
+    low, high = np.quantile(ratios, [0.5 - level / 2.0, 0.5 + level / 2.0])
+    return float(low), float(high)
+
+
 def binned_medians(
     x: ArrayLike, errors: ArrayLike, edges: ArrayLike
 ) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from pflut.plot.calibration import plot_calibration as plot_calibration
     from pflut.plot.errors import plot_error_against as plot_error_against
     from pflut.plot.errors import plot_errors as plot_errors
+    from pflut.plot.errors import plot_medians as plot_medians
     from pflut.plot.map import draw_map as draw_map
     from pflut.plot.map import plot_trajectory as plot_trajectory
     from pflut.plot.pair import plot_correspondences as plot_correspondences
@@ -31,6 +32,7 @@ _NAMES = {
     "plot_correspondences": "pair",
     "plot_error_against": "errors",
     "plot_errors": "errors",
+    "plot_medians": "errors",
     "plot_posterior": "pair",
     "plot_trajectory": "map",
     "save_figure": "style",

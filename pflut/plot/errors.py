@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from pflut.evaluation import CONVERGED_HEADING, CONVERGED_POSITION, TrajectoryErrors
 from pflut.plot.style import CYCLE, GREY, new_figure, tidy
-from pflut.statistics import binned_medians
+from pflut.statistics import binned_medians, summarize
 
 # Nothing below these is worth a decade of the axis: a tenth of a millimetre and of a millidegree.
 _LEAST = 1e-4
@@ -73,6 +73,70 @@ def plot_errors(
             frameon=False,
             fontsize=9,
         )
+    return figure
+
+
+def plot_medians(
+    x: Sequence[float] | Sequence[str],
+    panels: Mapping[str, Mapping[str, Sequence[ArrayLike]]],
+    *,
+    xlabel: str,
+    logarithmic: bool = True,
+    title: str | None = None,
+) -> Figure:
+    """Draw medians and MADs of errors over the settings of an experiment, a curve a method.
+
+    Parameters
+    ----------
+    x : sequence of float, or of str
+        The settings, in order; names are placed at even distances, without a line between them.
+    panels : mapping of str to mapping of str to sequence of array_like
+        By the label of a panel's axis of errors, with unit, then by method: the absolute errors at
+        each setting.
+    xlabel : str
+        With unit.
+    logarithmic : bool
+        Whether the axes of errors are.
+    title : str, optional
+
+    Returns
+    -------
+    Figure
+    """
+    figure = new_figure(5.0 * len(panels), 4.4)
+    named = isinstance(x[0], str)
+    places = np.arange(len(x)) if named else np.asarray(x, dtype=np.float64)
+    # bars of one setting stand beside each other
+    step = 0.01 * (float(np.ptp(places)) or 1.0)
+    for axes, (label, errors) in zip(
+        figure.subplots(1, len(panels), squeeze=False)[0], panels.items(), strict=True
+    ):
+        for i, (name, samples) in enumerate(errors.items()):
+            known = [summarize(values) for values in samples]
+            median = np.array([summary.median for summary in known])
+            mad = np.array([summary.mad for summary in known])
+            axes.errorbar(
+                places + step * (i - (len(errors) - 1) / 2.0),
+                median,
+                (np.minimum(mad, 0.9 * median) if logarithmic else mad, mad),
+                fmt="none" if named else "-",
+                marker="os^Dvx+"[i % 7],
+                color=CYCLE[i % len(CYCLE)],
+                linewidth=1.3,
+                elinewidth=0.7,
+                markersize=4,
+                label=name,
+            )
+        if logarithmic:
+            axes.set_yscale("log")
+        if named:
+            axes.set_xticks(places, [str(value) for value in x])
+        axes.set(xlabel=xlabel, ylabel=f"{label}, median and MAD")
+        tidy(axes)
+    handles = axes.get_legend_handles_labels()
+    figure.legend(*handles, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+    if title:
+        figure.suptitle(title)
     return figure
 
 

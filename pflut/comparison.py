@@ -1,0 +1,164 @@
+"""Relative-pose estimators beside each other: on the same pairs, by the same clock.
+
+An estimator is any callable that takes a sequence of `Correspondences` and gives for each something
+that has a ``heading_l`` and a ``heading_r``, so that one's own is compared by wrapping it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from time import process_time
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pflut.correspondences import Correspondences
+from pflut.evaluation import relative_pose_errors
+from pflut.geometry import FloatArray
+from pflut.likelihood.dense import DenseTable
+from pflut.likelihood.table import LikelihoodTable
+from pflut.relpose.estimate import estimate_relative_pose
+from pflut.relpose.ransac import ransac_relative_poses
+from pflut.relpose.search import estimate_relative_poses
+
+
+class HasHeadings(Protocol):
+    """What a `RelativePose` has at least: radians, NaN where nothing was found."""
+
+    @property
+    def heading_l(self) -> float:
+        """Direction from L to R in L's frame."""
+
+    @property
+    def heading_r(self) -> float:
+        """Direction from R to L in R's frame."""
+
+
+Estimator = Callable[[Sequence[Correspondences]], Sequence[HasHeadings]]
+
+#: A pose is found if both headings are within it, radians.
+MAX_HEADING_ERROR = 0.1
+#: The paper's RANSAC: 100 samples, inliers counted, nothing optimised before the M-estimator.
+PAPER_RANSAC = {"max_iterations": 100, "scoring": "inliers", "local_optimization": False}
+
+
+@dataclass(frozen=True, eq=False)
+class PairErrors:
+    """Errors of one estimator's relative poses, one a pair, all found or not.
+
+    Parameters
+    ----------
+    heading_l, heading_r : ndarray of shape (n,)
+        Absolute errors of theta and phi, radians.
+    rotation : ndarray of shape (n,)
+        Absolute error of psi, radians.
+    seconds : float
+        CPU time a pair.
+    """
+
+    heading_l: FloatArray
+    heading_r: FloatArray
+    rotation: FloatArray
+    seconds: float
+
+    @classmethod
+    def of(cls, found: ArrayLike, truth: ArrayLike, seconds: float) -> PairErrors:
+        """Compare headings ``[heading_l, heading_r]`` (n, 2) with the true ones, radians.
+
+        Where a found one is NaN the errors are pi.
+        """
+        poses, headings = (np.asarray(given, dtype=np.float64) for given in (found, truth))
+        heading_l, rotation = relative_pose_errors(*poses.T, *headings.T)
+        heading_r, _ = relative_pose_errors(*poses.T[::-1], *headings.T[::-1])
+        return cls(heading_l, heading_r, rotation, seconds)
+
+    @property
+    def heading(self) -> FloatArray:
+        """The larger error of the two headings, radians."""
+        return np.maximum(self.heading_l, self.heading_r)
+
+    @property
+    def found(self) -> NDArray[np.bool_]:
+        """Which pairs have both headings within 0.1 rad."""
+        return self.heading < MAX_HEADING_ERROR
+
+
+def compare_estimators(
+    estimators: Mapping[str, Estimator],
+    pairs: Sequence[Correspondences],
+    headings: ArrayLike,
+    *,
+    progress: Callable[[str], None] | None = None,
+) -> dict[str, PairErrors]:
+    """Run estimators on the same pairs, and compare what they find with the truth.
+
+    Parameters
+    ----------
+    estimators : mapping of str to callable
+        By name. Each is called with two of the pairs first, so that nothing is compiled on the
+        clock.
+    pairs : sequence of Correspondences
+    headings : array_like of shape (n, 2)
+        The true ``[heading_l, heading_r]``, radians.
+    progress : callable, optional
+        Called with the name of each estimator that is done.
+
+    Returns
+    -------
+    dict of str to PairErrors
+
+    Raises
+    ------
+    ValueError
+        If there are not as many headings as pairs.
+    """
+    truth = np.asarray(headings, dtype=np.float64)
+    if truth.shape != (len(pairs), 2):
+        raise ValueError(f"headings: expected shape ({len(pairs)}, 2), got {truth.shape}")
+    compared = {}
+    for name, estimate in estimators.items():
+        estimate(pairs[:2])
+        start = process_time()
+        poses = estimate(pairs)
+        seconds = (process_time() - start) / max(len(pairs), 1)
+        found = np.array([[pose.heading_l, pose.heading_r] for pose in poses]).reshape(-1, 2)
+        compared[name] = PairErrors.of(found, truth, seconds)
+        if progress is not None:
+            progress(name)
+    return compared
+
+
+def by_table(table: LikelihoodTable | DenseTable, **options: Any) -> Estimator:
+    """Make an estimator of a table: the maximum of its likelihood, polished.
+
+    Parameters
+    ----------
+    table : LikelihoodTable or DenseTable
+    **options
+        Of `estimate_relative_poses`, or with the paper's table of `estimate_relative_pose`;
+        ``polish=False`` is the paper's own.
+
+    Returns
+    -------
+    callable
+    """
+    if isinstance(table, DenseTable):
+        return lambda pairs: [estimate_relative_pose(pair, table, **options) for pair in pairs]
+    return lambda pairs: estimate_relative_poses(pairs, table, **options)
+
+
+def by_ransac(**options: Any) -> Estimator:
+    """Make an estimator of a RANSAC.
+
+    Parameters
+    ----------
+    **options
+        Of `ransac_relative_poses`; ``**PAPER_RANSAC`` are the paper's.
+
+    Returns
+    -------
+    callable
+    """
+    return lambda pairs: ransac_relative_poses(pairs, **options)
