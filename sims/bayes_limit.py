@@ -29,11 +29,12 @@ from tqdm import tqdm
 
 from pflut import Correspondences, CorrespondenceSimulator, LikelihoodTable
 from pflut._jit import jit
+from pflut._robust import TUKEY
 from pflut.geometry import TWO_PI, wrap_to_pi
 from pflut.likelihood.table import bearing_columns
 from pflut.plot import save_figure
 from pflut.plot.style import CYCLE, new_figure, tidy
-from pflut.relpose.kernels import refine_many
+from pflut.relpose.refine_kernels import refine_many
 from pflut.relpose.search import CUTOFFS, STEPS_PER_CUTOFF, estimate_relative_poses
 from pflut.statistics import success_rate
 
@@ -262,7 +263,10 @@ class Limit:
             )
             polished = poses.copy()
             cutoffs = NOISE * np.array(CUTOFFS)
-            refine_many(columns, first, cutoffs, STEPS_PER_CUTOFF, polished, owners, np.empty(4))
+            scratch = np.empty((len(poses), 4)), np.empty(len(poses), np.int64)
+            refine_many(
+                columns, first, TUKEY, 0.0, cutoffs, STEPS_PER_CUTOFF, polished, owners, *scratch
+            )
             found += [poses, polished]
         poses = np.concatenate(found)
         # many of them are the same by now

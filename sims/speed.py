@@ -34,12 +34,11 @@ from pflut import (
     estimate_relative_poses,
     load_dataset,
 )
+from pflut.comparison import by_ransac, by_table, compare_estimators
 from pflut.likelihood import dense_learning, learning
 from pflut.likelihood.sampling import available_cores
 from pflut.plot import save_figure
-from pflut.relpose.ransac import ransac_headings
 
-SUCCESS = 0.1
 CELLS = [(n, share) for n in (25, 100) for share in (0.5, 0.8, 0.9)]
 
 
@@ -94,33 +93,23 @@ def posterior_grids(table: LikelihoodTable, dense: DenseTable, pairs: int) -> No
 
 def estimates(table: LikelihoodTable, pairs: int) -> None:
     """Compare the estimate with RANSAC: time and success on the same pairs."""
-    peers = {
-        "x1000": {"max_iterations": 1000},
-        "x100": {"max_iterations": 100},
-        "adaptive": {"confidence": 0.999},
+    estimators = {
+        "likelihood": by_table(table),
+        "2-point x1000": by_ransac(),
+        "2-point x100": by_ransac(max_iterations=100),
+        "2-point adaptive": by_ransac(confidence=0.999),
     }
     print("\npolished estimate with covariance, us a pair (share of pairs within 0.1 rad)")
-    names = "".join(f"{'2-point ' + name:>22}" for name in peers)
-    print(f"{'correspondences':>16}{'mismatches':>12}{'likelihood':>18}{names}")
+    names = "".join(f"{name:>22}" for name in estimators)
+    print(f"{'correspondences':>16}{'mismatches':>12}{names}")
     for count, share in CELLS:
         headings, made = simulated(count, share, pairs)
-        bearings = CorrespondenceSimulator(mismatch=share).sample(pairs, count, rng=1)[1]
-        times = seconds(
-            lambda made=made: estimate_relative_poses(made, table),
-            *(
-                lambda options=options, bearings=bearings: ransac_headings(bearings, **options)
-                for options in peers.values()
-            ),
-            repeats=5,
-        )
-        found = [
-            np.array([[e.heading_l, e.heading_r] for e in estimate_relative_poses(made, table)]),
-            *(ransac_headings(bearings, **options)[0] for options in peers.values()),
-        ]
+        calls = [lambda e=estimate, made=made: e(made) for estimate in estimators.values()]
+        times = seconds(*calls, repeats=5)
+        found = compare_estimators(estimators, made, headings)
         line = f"{count:16}{share:12.0%}"
-        for width, time, poses in zip((18, 22, 22, 22), times, found, strict=True):
-            error = np.abs(np.angle(np.exp(1j * (poses - headings)))).max(axis=1)
-            line += f"{f'{1e6 * time / pairs:.0f} ({np.mean(error < SUCCESS):.3f})':>{width}}"
+        for time, errors in zip(times, found.values(), strict=True):
+            line += f"{f'{1e6 * time / pairs:.0f} ({errors.found.mean():.3f})':>22}"
         print(line)
 
 
