@@ -21,6 +21,7 @@ from pflut.likelihood.dense import DenseTable
 from pflut.likelihood.table import LikelihoodTable
 from pflut.relpose.estimate import estimate_relative_pose
 from pflut.relpose.ransac import ransac_relative_poses
+from pflut.relpose.result import RelativePose
 from pflut.relpose.search import estimate_relative_poses
 
 
@@ -37,6 +38,7 @@ class HasHeadings(Protocol):
 
 
 Estimator = Callable[[Sequence[Correspondences]], Sequence[HasHeadings]]
+OwnEstimator = Callable[[Sequence[Correspondences]], Sequence[RelativePose]]
 
 #: A pose is found if both headings are within it, radians.
 MAX_HEADING_ERROR = 0.1
@@ -130,7 +132,7 @@ def compare_estimators(
     return compared
 
 
-def by_table(table: LikelihoodTable | DenseTable, **options: Any) -> Estimator:
+def by_table(table: LikelihoodTable | DenseTable, **options: Any) -> OwnEstimator:
     """Make an estimator of a table: the maximum of its likelihood, polished.
 
     Parameters
@@ -149,7 +151,7 @@ def by_table(table: LikelihoodTable | DenseTable, **options: Any) -> Estimator:
     return lambda pairs: estimate_relative_poses(pairs, table, **options)
 
 
-def by_ransac(**options: Any) -> Estimator:
+def by_ransac(**options: Any) -> OwnEstimator:
     """Make an estimator of a RANSAC.
 
     Parameters

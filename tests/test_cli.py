@@ -365,6 +365,32 @@ def test_relpose_finds_the_true_pose(run: Run, room_folder: Path) -> None:
     assert Path("pair.png").is_file() and Path("pair-posterior.png").is_file()
 
 
+def test_relpose_compares(run: Run, room_folder: Path) -> None:
+    """The table's row is what is printed above; a RANSAC finds the same pose of good matches."""
+    outcome = run("relpose", "12", "13", "--dataset", room_folder, "--compare")
+    above, below = outcome.out.split("\n\n")
+    header, *rows = below.strip().splitlines()
+    assert header.split() == [
+        "heading_l",
+        "heading_r",
+        "rotation",
+        "[deg]",
+        "inliers",
+        "success",
+        "ms",
+    ]
+    assert [row.split("  ")[0] for row in rows] == [
+        "likelihood",
+        "2-point RANSAC",
+        "3-point RANSAC",
+        "8-point RANSAC",
+    ]
+    angles = np.array([row[16:46].split() for row in rows], float)
+    for angle, name in zip(angles[0], ("heading_l", "heading_r", "rotation"), strict=True):
+        assert f"{name:<12}{angle:8.2f} deg" in above
+    assert np.abs((angles[1:3] - angles[0] + 180.0) % 360.0 - 180.0).max() < 3.0
+
+
 def test_relpose_by_camera_file(run: Run, room_folder: Path) -> None:
     images = [room_folder / "images" / name for name in ("000012.png", "000013.png")]
     outcome = run("relpose", *images, "--camera", room_folder / "camera.toml")

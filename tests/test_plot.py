@@ -19,6 +19,7 @@ from pflut.plot import (
     plot_correspondences,
     plot_error_against,
     plot_errors,
+    plot_medians,
     plot_posterior,
     plot_trajectory,
     save_figure,
@@ -164,6 +165,39 @@ def test_error_against_draws_the_medians():
     assert {tuple(v) for v in band.tolist()} >= {(0.5, 1.0), (0.5, 3.0), (1.5, 4.0), (1.5, 8.0)}
     logarithmic = plot_error_against(x, {"a": x}, xlabel="x", bins=3, logarithmic=True)
     assert logarithmic.axes[0].get_yscale() == "log"
+
+
+@pytest.mark.parametrize("x", [[0.0, 0.5, 0.9], ["home 1", "home 2", "car"]])
+def test_medians_stand_in_panels_with_their_deviations(x):
+    rng = np.random.default_rng(0)
+    drawn = {name: [rng.exponential(size=41) for _ in x] for name in ("LUT", "RANSAC")}
+    figure = plot_medians(
+        x, {"heading error [deg]": drawn, "rotation error [deg]": drawn}, xlabel="mismatches"
+    )
+    assert len(figure.axes) == 2
+    for axes, label in zip(figure.axes, ("heading", "rotation"), strict=True):
+        assert axes.get_xlabel() == "mismatches"
+        assert axes.get_ylabel() == f"{label} error [deg], median and MAD"
+        assert axes.get_yscale() == "log"
+        places = []
+        for container, name in zip(axes.containers, drawn, strict=True):
+            assert container.get_label() == name
+            line, _, (bars,) = container.lines
+            median = [np.median(values) for values in drawn[name]]
+            assert line.get_ydata() == pytest.approx(median)
+            for segment, values, middle in zip(
+                bars.get_segments(), drawn[name], median, strict=True
+            ):
+                mad = np.median(np.abs(values - middle))
+                assert segment[:, 1] == pytest.approx(
+                    [middle - min(mad, 0.9 * middle), middle + mad]
+                )
+            places.append(line.get_xdata())
+        # of one setting they stand beside each other
+        assert (places[0] < places[1]).all()
+        if isinstance(x[0], str):
+            assert [tick.get_text() for tick in axes.get_xticklabels()] == x
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == list(drawn)
 
 
 def test_posterior_axes_are_theta_and_phi():

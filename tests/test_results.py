@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pflut import __version__
-from pflut._files import read_json, write_json
+from pflut._files import read_json, write_csv, write_json
 from pflut.datasets import Dataset
 from pflut.features import FeatureCache
 from pflut.likelihood.table import LikelihoodTable
@@ -155,3 +155,18 @@ def test_json_that_is_none(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="not JSON compliant"):
         write_json(path, {"b": np.nan})
     assert read_json(path) == {"b": 1.5}
+
+
+def test_a_table_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    write_csv(path, ("name", "x"), [("a, b", 0.1 + 0.2), ("c", 2)])
+    assert path.read_text() == 'name,x\n"a, b",0.30000000000000004\nc,2\n'
+
+    def rows():
+        yield ("d", 3)
+        raise RuntimeError("interrupted")
+
+    with pytest.raises(RuntimeError):
+        write_csv(path, ("name", "x"), rows())
+    assert path.read_text().endswith("c,2\n")
+    assert list(tmp_path.iterdir()) == [path]

@@ -8,6 +8,7 @@ import pytest
 from pflut.statistics import (
     binned_medians,
     bootstrap_median,
+    bootstrap_median_ratio,
     median_absolute_deviation,
     root_mean_square,
     success_rate,
@@ -71,6 +72,28 @@ def test_bootstrap_interval_covers_the_median():
     assert bootstrap_median(values, rng=7) == bootstrap_median(values, rng=7)
     assert np.isnan(bootstrap_median([])).all()
     assert bootstrap_median([1.0, np.inf, np.inf], rng=0)[1] == np.inf
+
+
+def test_bootstrap_ratio_covers_the_ratio_of_medians():
+    rng = np.random.default_rng(5)
+    trials, covered, widths = 300, 0, []
+    for _ in range(trials):
+        common = rng.exponential(size=60)
+        errors, others = 0.8 * common, common * rng.uniform(0.9, 1.1, 60)
+        low, high = bootstrap_median_ratio(errors, others, level=0.9, resamples=300, rng=rng)
+        # uniform in [0.9, 1.1] times exponential: its median is that of the exponential to 0.2 %
+        covered += low <= 0.8 <= high
+        widths.append(high - low)
+    assert abs(covered / trials - 0.9) < 0.06 + 5 * np.sqrt(0.09 / trials)
+    # drawn together, errors of the same pairs tell the ratio far better than they tell the medians
+    assert np.median(widths) < 0.15
+    same = rng.exponential(size=20)
+    assert bootstrap_median_ratio(same, 2.0 * same, rng=7) == (0.5, 0.5)
+    assert np.isnan(bootstrap_median_ratio([], [])).all()
+    with pytest.raises(ValueError, match=r"expected the same shape \(n,\), got \(2,\) and \(1,\)"):
+        bootstrap_median_ratio([1.0, 2.0], [1.0])
+    with pytest.raises(ValueError, match="level: expected a confidence"):
+        bootstrap_median_ratio([1.0], [1.0], level=1.0)
 
 
 def test_binned_medians_are_the_naive_ones():

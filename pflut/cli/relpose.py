@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING
 from pflut.cli.arguments import Subparsers, add_verb
 
 if TYPE_CHECKING:
+    from pflut.correspondences import Correspondences
     from pflut.datasets.base import Dataset
+    from pflut.likelihood.dense import DenseTable
+    from pflut.likelihood.table import LikelihoodTable
 
 _DETAILS = """\
 A is the reference view L, B the query view R. Printed are heading_l, the direction from A to B in
@@ -23,7 +26,7 @@ _EXAMPLES = """\
   pflut relpose a.png b.png --camera camera.toml
   pflut relpose a.png b.png --camera camera.toml --figure pair.png
   pflut relpose 3 4 --dataset zind/                images by number, with their true pose
-  pflut relpose 000003.jpg 000004.jpg --dataset simulated-home
+  pflut relpose 000003.jpg 000004.jpg --dataset simulated-home --compare
 """
 
 
@@ -81,6 +84,11 @@ def add_parser(verbs: Subparsers) -> None:
         metavar="RADIANS",
         help="of the bearings, standard deviation (default: as the table has learned it; "
         "0.01 with the paper's)",
+    )
+    parser.add_argument(
+        "--compare",
+        action="store_true",
+        help="print what RANSACs find in the same matches, too, with their times",
     )
     parser.add_argument(
         "--figure",
@@ -172,6 +180,8 @@ def run(arguments: argparse.Namespace) -> None:
         )
     print(f"evidence    {pose.log_evidence:.1f} nat that the images show one scene")
     print(f"success     {'yes' if pose.success else 'no: the matches do not determine a pose'}")
+    if arguments.compare:
+        _compare(matches, table, noise)
 
     if arguments.figure is not None:
         from pflut.plot import plot_correspondences, plot_posterior, save_figure
@@ -202,6 +212,32 @@ def run(arguments: argparse.Namespace) -> None:
             second,
         )
         print(f"figures     {arguments.figure}, {second}")
+
+
+def _compare(matches: Correspondences, table: LikelihoodTable | DenseTable, noise: float) -> None:
+    """Print what the table and RANSACs find in the same matches."""
+    from time import perf_counter
+
+    import numpy as np
+
+    from pflut.comparison import by_ransac, by_table
+
+    estimators = {"likelihood": by_table(table, noise=noise)}
+    for solver, points in (("2pt", "2-point"), ("3pt", "3-point"), ("8pt", "8-point")):
+        estimators[f"{points} RANSAC"] = by_ransac(solver=solver, noise=noise)
+    print(
+        f"\n{'':16}{'heading_l':>10}{'heading_r':>10}{'rotation':>10}  [deg]{'inliers':>9}", end=""
+    )
+    print(f"{'success':>9}{'ms':>8}")
+    for name, estimate in estimators.items():
+        estimate([matches])  # compiles
+        start = perf_counter()
+        (pose,) = estimate([matches])
+        spent = 1e3 * (perf_counter() - start)
+        angles = np.degrees([pose.heading_l, pose.heading_r, pose.rotation])
+        line = "".join(f"{angle:10.2f}" for angle in angles)
+        said = "yes" if pose.success else "no"
+        print(f"{name:16}{line}       {pose.num_inliers:9}{said:>9}{spent:8.2f}")
 
 
 def _index(dataset: Dataset, name: str) -> int:

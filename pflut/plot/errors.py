@@ -119,7 +119,7 @@ def plot_medians(
                 places + step * (i - (len(errors) - 1) / 2.0),
                 median,
                 (np.minimum(mad, 0.9 * median) if logarithmic else mad, mad),
-                fmt="none" if named else "-",
+                linestyle="none" if named else "-",
                 marker="os^Dvx+"[i % 7],
                 color=CYCLE[i % len(CYCLE)],
                 linewidth=1.3,

@@ -1,0 +1,98 @@
+"""Estimators beside each other: errors, the clock, one's own, misuse."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from time import process_time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pflut.comparison import (
+    MAX_HEADING_ERROR,
+    PAPER_RANSAC,
+    PairErrors,
+    by_ransac,
+    by_table,
+    compare_estimators,
+)
+from pflut.correspondences import Correspondences
+from pflut.likelihood.dense import DenseTable
+from pflut.likelihood.table import LikelihoodTable
+from pflut.simulation.correspondences import CorrespondenceSimulator
+
+PAIRS = 30
+
+
+@pytest.fixture(scope="module")
+def simulated() -> tuple[list[Correspondences], np.ndarray]:
+    headings, bearings = CorrespondenceSimulator(mismatch=0.4).sample(PAIRS, 60, rng=1)
+    return [Correspondences(*pair.T) for pair in bearings], headings
+
+
+def test_errors_are_those_of_the_angles() -> None:
+    truth = np.array([[0.1, 3.1], [1.0, 2.0], [0.0, 0.0]])
+    found = np.array([[-0.1, -3.1], [1.05, 2.05], [np.nan, 0.0]])
+    errors = PairErrors.of(found, truth, 0.5)
+    assert errors.heading_l == pytest.approx([0.2, 0.05, np.pi])
+    assert errors.heading_r[:2] == pytest.approx([2 * np.pi - 6.2, 0.05])
+    # psi = theta - phi + pi
+    assert errors.rotation == pytest.approx([0.2 + 2 * np.pi - 6.2, 0.0, np.pi], abs=1e-12)
+    assert errors.heading == pytest.approx([0.2, 0.05, np.pi])
+    assert errors.found.tolist() == [False, True, False]
+    assert MAX_HEADING_ERROR == 0.1
+    assert errors.seconds == 0.5
+
+
+def test_all_kinds_of_estimators_are_compared_on_the_same_pairs(
+    simulated, default_table: LikelihoodTable, dense_table: DenseTable
+) -> None:
+    pairs, headings = simulated
+    done: list[str] = []
+
+    def guess(some: Sequence[Correspondences]) -> list[SimpleNamespace]:
+        return [SimpleNamespace(heading_l=0.0, heading_r=np.nan) for _ in some]
+
+    estimators = {
+        "table": by_table(default_table),
+        "dense": by_table(dense_table),
+        "paper's dense": by_table(dense_table, polish=False),
+        "2pt": by_ransac(),
+        "paper's 3pt": by_ransac(solver="3pt", **PAPER_RANSAC),
+        "guess": guess,
+    }
+    compared = compare_estimators(estimators, pairs, headings, progress=done.append)
+    assert list(compared) == done == list(estimators)
+    for name, errors in compared.items():
+        assert errors.heading.shape == errors.rotation.shape == (PAIRS,)
+        assert errors.seconds >= 0.0
+        assert errors.found.mean() == 0.0 if name == "guess" else errors.found.mean() > 0.8
+    # cells are as wide as the errors are, until they are polished
+    medians = {name: np.median(errors.heading) for name, errors in compared.items()}
+    assert medians["paper's dense"] > 1.5 * medians["dense"]
+
+
+def test_the_clock_counts_the_pairs_alone(simulated) -> None:
+    """Neither the first call, in which kernels are compiled, nor waiting."""
+    pairs, headings = simulated
+    calls: list[int] = []
+
+    def busy(some: Sequence[Correspondences]) -> list[SimpleNamespace]:
+        calls.append(len(some))
+        until = process_time() + (0.3 if len(calls) == 1 else 0.06)
+        while process_time() < until:
+            pass
+        return [SimpleNamespace(heading_l=0.0, heading_r=0.0) for _ in some]
+
+    errors = compare_estimators({"busy": busy}, pairs, headings)["busy"]
+    assert calls == [2, PAIRS]
+    assert 0.06 <= PAIRS * errors.seconds < 0.2
+
+
+def test_misuse(simulated) -> None:
+    pairs, headings = simulated
+    with pytest.raises(ValueError, match=r"headings: expected shape \(30, 2\), got \(29, 2\)"):
+        compare_estimators({"2pt": by_ransac()}, pairs, headings[1:])
+    with pytest.raises(ValueError, match="solver: expected one of"):
+        compare_estimators({"2pt": by_ransac(solver="5pt")}, pairs, headings)
