@@ -42,8 +42,14 @@ OwnEstimator = Callable[[Sequence[Correspondences]], Sequence[RelativePose]]
 
 #: A pose is found if both headings are within it, radians.
 MAX_HEADING_ERROR = 0.1
-#: The paper's RANSAC: 100 samples, inliers counted, nothing optimised before the M-estimator.
-PAPER_RANSAC = {"max_iterations": 100, "scoring": "inliers", "local_optimization": False}
+#: The paper's RANSAC: 100 samples of all correspondences, inliers counted, nothing optimised before
+#: the M-estimator.
+PAPER_RANSAC = {
+    "max_iterations": 100,
+    "scoring": "inliers",
+    "local_optimization": False,
+    "gate_samples": False,
+}
 
 
 @dataclass(frozen=True, eq=False)

@@ -106,8 +106,9 @@ def plot_medians(
     figure = new_figure(5.0 * len(panels), 4.4)
     named = isinstance(x[0], str)
     places = np.arange(len(x)) if named else np.asarray(x, dtype=np.float64)
-    # bars of one setting stand beside each other
-    step = 0.01 * (float(np.ptp(places)) or 1.0)
+    # bars of one setting stand beside each other, apart from those of the next one
+    gap = float(np.diff(places).min()) if len(x) > 1 else 1.0
+    step = min(0.01 * (float(np.ptp(places)) or 1.0), 0.06 * gap)
     for axes, (label, errors) in zip(
         figure.subplots(1, len(panels), squeeze=False)[0], panels.items(), strict=True
     ):
@@ -119,7 +120,7 @@ def plot_medians(
                 places + step * (i - (len(errors) - 1) / 2.0),
                 median,
                 (np.minimum(mad, 0.9 * median) if logarithmic else mad, mad),
-                linestyle="none" if named else "-",
+                linestyle="none" if named else ("-", "--")[i // len(CYCLE) % 2],
                 marker="os^Dvx+"[i % 7],
                 color=CYCLE[i % len(CYCLE)],
                 linewidth=1.3,

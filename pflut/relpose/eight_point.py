@@ -19,7 +19,7 @@ def eight_point_poses(
     columns: FloatArray,
     first: NDArray[np.int64],
     seed: NDArray[np.uint64],
-    options: tuple[float, int, bool, bool, float],
+    options: tuple[float, int, bool, bool, float, bool],
     loss: str | None,
     noise: float,
 ) -> list[RelativePose]:

@@ -370,7 +370,7 @@ def search(rays, n, state, options, pool, scratch, pose):  # type: ignore[no-unt
     ``pool`` (n,) int64 scratch; ``pose`` (12,) out. Returns the iterations taken, negative or zero
     if no pose costs less than having none. O(iterations n).
     """
-    threshold, max_iterations, truncated, optimise, confidence = options
+    threshold, max_iterations, truncated, optimise, confidence, _ = options
     if n < SAMPLE_SIZE:
         return 0
     for i in range(n):

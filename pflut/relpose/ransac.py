@@ -18,7 +18,7 @@ SCORINGS = ("msac", "inliers")
 THRESHOLD = 3.0
 """Standard deviations of the noise."""
 
-Options = tuple[float, int, bool, bool, float]
+Options = tuple[float, int, bool, bool, float, bool]
 
 
 def ransac_relative_pose(
@@ -30,6 +30,7 @@ def ransac_relative_pose(
     scoring: str = "msac",
     local_optimization: bool = True,
     confidence: float | None = None,
+    gate_samples: bool = True,
     loss: str | None = DEFAULT_LOSS,
     noise: float = 0.01,
     rng: np.random.Generator | int | None = 0,
@@ -43,9 +44,8 @@ def ransac_relative_pose(
     The planar solvers take each correspondence for one constraint that is linear in the sines and
     cosines of both headings. Two of them leave a plane of solutions, which meets the headings' two
     unit circles in up to two points: the curves of two correspondences cross twice. The depths'
-    signs tell most, not all, of the second answers. Correspondences whose bearings lie on different
-    sides of the horizon agree with no pose and are not drawn. Where there are fewer pairs of the
-    others than ``max_iterations``, "2pt" tries every pair once.
+    signs tell most, not all, of the second answers. Where there are fewer pairs of correspondences
+    than ``max_iterations``, "2pt" tries every pair once.
 
     Parameters
     ----------
@@ -67,6 +67,9 @@ def ransac_relative_pose(
     confidence : float, optional
         Stop when a sample without a mismatch has been drawn with this probability, judged by the
         best pose so far. By default all iterations are made.
+    gate_samples : bool
+        Whether planar samples hold only correspondences whose bearings lie on one side of the
+        horizon: others agree with no pose, and of mismatches they are half.
     loss : {"cauchy", "huber", "tukey"}, optional
         The M-estimator's, see `refine_relative_pose`; ``None`` for none.
     noise : float
@@ -103,6 +106,7 @@ def ransac_relative_pose(
         scoring=scoring,
         local_optimization=local_optimization,
         confidence=confidence,
+        gate_samples=gate_samples,
         loss=loss,
         noise=noise,
         rng=rng,
@@ -118,6 +122,7 @@ def ransac_relative_poses(
     scoring: str = "msac",
     local_optimization: bool = True,
     confidence: float | None = None,
+    gate_samples: bool = True,
     loss: str | None = DEFAULT_LOSS,
     noise: float = 0.01,
     rng: np.random.Generator | int | None = 0,
@@ -128,7 +133,9 @@ def ransac_relative_poses(
     ----------
     pairs : sequence of Correspondences
         Each between a reference view L and a query view R.
-    solver, threshold, max_iterations, scoring, local_optimization, confidence, loss, noise, rng
+    solver, threshold, max_iterations, scoring, local_optimization, confidence, gate_samples, loss
+        See `ransac_relative_pose`.
+    noise, rng
         See `ransac_relative_pose`. Each pair has the same random numbers.
 
     Returns
@@ -143,7 +150,15 @@ def ransac_relative_poses(
     """
     sample_size = SAMPLE_SIZES.get(solver, 0)
     options = _checked(
-        solver, threshold, max_iterations, scoring, local_optimization, confidence, loss, noise
+        solver,
+        threshold,
+        max_iterations,
+        scoring,
+        local_optimization,
+        confidence,
+        gate_samples,
+        loss,
+        noise,
     )
     seed = np.random.default_rng(rng).integers(0, 2**64, size=1, dtype=np.uint64)
     columns, first = pair_columns(pairs)
@@ -164,6 +179,7 @@ def _checked(
     scoring: str,
     local_optimization: bool,
     confidence: float | None,
+    gate_samples: bool,
     loss: str | None,
     noise: float,
 ) -> Options:
@@ -185,4 +201,5 @@ def _checked(
         scoring == "msac",
         bool(local_optimization),
         float(confidence or 0.0),
+        bool(gate_samples),
     )

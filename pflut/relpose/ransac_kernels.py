@@ -18,11 +18,11 @@ LOCAL_STEPS = 6
 
 
 @jit
-def prepare(columns, state, rows, pool):  # type: ignore[no-untyped-def]
+def prepare(columns, state, rows, pool, gated):  # type: ignore[no-untyped-def]
     """Fill the rows of a pair, and the pool that samples are drawn from, shuffled.
 
     A correspondence whose bearings lie on different sides of the horizon has no pose with both
-    depths positive, so that no sample holds it.
+    depths positive, so that with ``gated`` no sample holds it.
 
     ``columns`` (8, n): sines and cosines of azimuth_l, elevation_l, azimuth_r, elevation_r;
     ``rows`` (NUM_ROWS, n up to a multiple of BLOCK) out, zero behind n; ``pool`` (n,) out. Returns
@@ -43,7 +43,7 @@ def prepare(columns, state, rows, pool):  # type: ignore[no-untyped-def]
         rows[GRADIENT, i] = sin_l * sin_l + sin_r * sin_r
         rows[GRADIENT_L, i] = both - sin_r * sin_r
         rows[GRADIENT_R, i] = both - sin_l * sin_l
-        if sin_l * sin_r > 0.0:
+        if sin_l * sin_r > 0.0 or not gated:
             pool[size] = i
             size += 1
     for i in range(size - 1, 0, -1):
@@ -252,16 +252,16 @@ def search(columns, state, options, work, headings):  # type: ignore[no-untyped-
     ``columns`` (8, n) as `prepare` takes them; ``state`` (1,) uint64 of the random numbers, in and
     out; ``options``: the threshold of the residual in radians, the largest number of iterations,
     whether the costs are truncated squares, whether each new best model is moved to a minimum, the
-    confidence to stop at (0: never); ``work``: the rows and the pool of `prepare`, and the sample
-    (2,) or (3,), whose size chooses the solver. ``headings`` (2,) out.
+    confidence to stop at (0: never), whether samples are ``gated``; ``work``: the rows and the pool
+    of `prepare`, and the sample (2,) or (3,), whose size chooses the solver. ``headings`` (2,) out.
 
     Returns the iterations taken, negative or zero if no model costs less than having none; the
     headings are then zero. O(iterations n).
     """
-    threshold, max_iterations, truncated, optimise, confidence = options
+    threshold, max_iterations, truncated, optimise, confidence, gated = options
     rows, pool, samples = work
     n = columns.shape[1]
-    size = prepare(columns, state, rows, pool)
+    size = prepare(columns, state, rows, pool, gated)
     headings[:] = 0.0
     if size < samples.shape[0]:
         return 0
