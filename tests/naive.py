@@ -826,6 +826,28 @@ def residual(weights, n, draw):
     return np.repeat(np.arange(len(counts)), counts)
 
 
+def ssp(weights, n, uniforms):
+    """Rests rounded two at a time: a game that is fair for both."""
+    expected = n * np.asarray(weights) / np.sum(weights)
+    counts = np.floor(expected + 1e-9).astype(int)
+    rests = np.maximum(expected - counts, 0)
+    players = [j for j in range(len(rests)) if rests[j] > 0]
+    for k, j in enumerate(players[1:]):
+        i = players[k]  # who is open
+        both = rests[i] + rests[j]
+        if both < 1:
+            winner, loser = (i, j) if uniforms[j] * both < rests[i] else (j, i)
+            rests[winner], rests[loser] = both, 0
+            players[k + 1] = winner
+        else:
+            winner, loser = (i, j) if uniforms[j] * (2 - both) < 1 - rests[j] else (j, i)
+            counts[winner] += 1
+            rests[winner], rests[loser] = 0, both - 1
+            players[k + 1] = loser
+    counts += np.round(rests).astype(int)
+    return np.repeat(np.arange(len(counts)), counts)
+
+
 def normalize(log_weights):
     """Weights, log-weights, ESS, log of the sum."""
     weights = np.exp(log_weights - np.max(log_weights))

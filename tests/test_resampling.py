@@ -32,6 +32,7 @@ def test_kernels_equal_their_naive_twins(size, n):
             "residual": naive.residual(
                 weights, n, lambda w, k, seed=seed: RESAMPLERS["multinomial"](w, k, seed)
             ),
+            "ssp": naive.ssp(weights, n, np.random.default_rng(seed).random(size)),
         }
         for scheme, indices in expected.items():
             np.testing.assert_array_equal(RESAMPLERS[scheme](weights, n, seed), indices)
@@ -145,6 +146,27 @@ def test_a_negative_number_is_refused(resample):
         resample(WEIGHTS, -1, 0)
 
 
+def fair_games(mean):
+    """Exact covariance of SSP: both outcomes of each game, with their probabilities."""
+    whole = np.floor(mean + 1e-9)
+    players = np.flatnonzero(mean - whole > 1e-9)
+    games = [(1.0, mean - whole, players[0])] if len(players) else [(1.0, mean - whole, 0)]
+    for j in players[1:]:
+        after = []
+        for probability, rests, i in games:
+            both = rests[i] + rests[j]
+            few = both < 1 - 1e-9
+            chance = rests[i] / both if few else (1 - rests[j]) / (2 - both)
+            for share, winner, loser in ((chance, i, j), (1 - chance, j, i)):
+                outcome = rests.copy()
+                outcome[winner], outcome[loser] = (both, 0.0) if few else (1.0, both - 1.0)
+                after.append((probability * share, outcome, winner if few else loser))
+        games = after
+    spreads = np.array([np.round(rests) - (mean - whole) for _, rests, _ in games])
+    chances = np.array([probability for probability, *_ in games])
+    return (spreads * chances[:, None]).T @ spreads
+
+
 def exact_offspring(scheme, weights, n):
     """Exact mean and covariance of the numbers of copies."""
     shares = weights / weights.sum()
@@ -156,6 +178,8 @@ def exact_offspring(scheme, weights, n):
         k = round(rest.sum())
         q = rest / max(k, 1)
         return mean, k * (np.diag(q) - np.outer(q, q))
+    if scheme == "ssp":
+        return mean, fair_games(mean)
     edges = np.concatenate([[0.0], np.cumsum(mean)])
     if scheme == "stratified":  # strata are independent, each one draw
         covariance = np.zeros((len(shares), len(shares)))
@@ -193,7 +217,18 @@ def test_offspring_mean_and_covariance(scheme, n):
     assert (np.abs(products.mean(axis=0) - covariance) <= 5 * error + 1e-9).all()
 
 
-@pytest.mark.parametrize("scheme", ["systematic", "residual"])
+def test_ssp_copies_are_rounded_expectations_and_negatively_associated():
+    rng = np.random.default_rng(3)
+    counts = np.array(
+        [np.bincount(RESAMPLERS["ssp"](WEIGHTS, 7, rng), minlength=6) for _ in range(4000)]
+    )
+    expected = 7 * WEIGHTS
+    assert ((counts >= np.floor(expected)) & (counts <= np.ceil(expected))).all()
+    covariance = fair_games(expected)
+    assert covariance[~np.eye(6, dtype=bool)].max() <= 1e-12
+
+
+@pytest.mark.parametrize("scheme", ["systematic", "residual", "ssp"])
 def test_equal_weights_give_each_one_copy(scheme):
     for n in (1, 3, 7, 49, 1000):
         np.testing.assert_array_equal(RESAMPLERS[scheme](np.full(n, 0.1), n, 0), np.arange(n))

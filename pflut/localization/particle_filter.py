@@ -49,7 +49,7 @@ class ParticleFilter:
     num_particles : int
         How many particles the initialisations draw and resampling leaves.
     resampling : str or callable
-        "systematic", "stratified", "multinomial", "residual", or a function
+        "systematic", "stratified", "multinomial", "residual", "ssp", or a function
         ``(weights, n, rng) -> sorted int32 indices``.
     ess_threshold : float
         In [0, 1]: resample when the effective sample size falls below this share of the number

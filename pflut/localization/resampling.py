@@ -87,6 +87,39 @@ def _split_counts(
 
 
 @jit
+def _round_rests(
+    residuals: FloatArray, missing: int, uniforms: FloatArray, counts: IndexArray
+) -> None:
+    """Round the rests up or down, two at a time, until each has a whole copy or none: O(N).
+
+    One particle is open. With the next one it plays for both rests: less than a copy goes to one of
+    them, more than one gives a copy to one and leaves the other what is left over.
+    """
+    current, rest, given = -1, 0.0, 0
+    for j in range(residuals.shape[0]):
+        if residuals[j] == 0.0:
+            continue
+        if current < 0:
+            current, rest = j, residuals[j]
+            continue
+        total = rest + residuals[j]
+        if total < 1.0:
+            if uniforms[j] * total >= rest:
+                current = j
+            rest = total
+        else:
+            first = uniforms[j] * (2.0 - total) < 1.0 - residuals[j]
+            counts[current if first else j] += 1
+            given += 1
+            if first:
+                current = j
+            rest = total - 1.0
+    # the last rest is a whole copy or nothing, but for rounding
+    if given < missing:
+        counts[current] += missing - given
+
+
+@jit
 def _expand_counts(counts: IndexArray, out: IndexArray) -> None:
     """Write each index as often as it counts."""
     i = 0
@@ -268,6 +301,46 @@ def residual(
     return out
 
 
+def ssp(weights: ArrayLike, n: int, rng: np.random.Generator | int | None = None) -> IndexArray:
+    """Resample with each expected number of copies rounded up or down, negatively associated.
+
+    The Srinivasan sampling process: what one particle gets, others do not. As with "systematic" the
+    copies differ from their expectation by less than one; but convergence is proven, for any order
+    of the particles.
+
+    Parameters
+    ----------
+    weights : array_like of shape (N,)
+        Finite, >= 0, not all zero; not necessarily normalised.
+    n : int
+        How many to draw.
+    rng : numpy.random.Generator or int, optional
+
+    Returns
+    -------
+    ndarray of shape (n,), int32
+        Sorted indices into ``weights``.
+
+    Raises
+    ------
+    ValueError
+        If the weights are not as said above.
+
+    References
+    ----------
+    Gerber, Chopin, Whiteley, "Negative association, ordering and convergence of resampling
+    methods", Annals of Statistics 47(4), 2019.
+    """
+    w, _, total = _check(weights, n)
+    counts = np.empty(w.size, dtype=np.int32)
+    residuals = np.empty(w.size)
+    missing = n - _split_counts(w, total, n, counts, residuals)
+    _round_rests(residuals, missing, np.random.default_rng(rng).random(w.size), counts)
+    out = np.empty(n, dtype=np.int32)
+    _expand_counts(counts, out)
+    return out
+
+
 def take(poses: FloatArray, indices: IndexArray) -> FloatArray:
     """Copy the chosen poses: ``poses[indices]``, several times faster.
 
@@ -292,6 +365,7 @@ RESAMPLERS: dict[str, Resampler] = {
     "stratified": stratified,
     "multinomial": multinomial,
     "residual": residual,
+    "ssp": ssp,
 }
 
 

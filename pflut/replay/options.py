@@ -52,7 +52,7 @@ class ReplayOptions:
         "systematic",
         "how particles are drawn",
         "filter",
-        choices=("systematic", "stratified", "multinomial", "residual"),
+        choices=("systematic", "stratified", "multinomial", "residual", "ssp"),
     )
     ess_threshold: float = _option(
         0.5, "resample below this share of effective particles", "filter", "[0, 1]"
