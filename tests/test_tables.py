@@ -63,6 +63,15 @@ def test_a_table_for_sharp_perspective_cameras_is_there_by_its_name() -> None:
     assert table.bins == SHARP_BINS and table.noise < 0.5 * other.noise
 
 
+def test_a_table_for_homes_is_there_by_its_name() -> None:
+    table, other = choose_table("home"), choose_table()
+    assert isinstance(table, LikelihoodTable) and isinstance(other, LikelihoodTable)
+    assert table.bins == other.bins and table.noise < 0.6 * other.noise
+    learned_from = table.learned_from["simulator"]
+    assert (learned_from["scene"], learned_from["noise"]) == ("box", 0.005)
+    assert table.learned_from["learning_version"] == other.learned_from["learning_version"]
+
+
 def test_the_papers_table_is_learned_once(
     small_dense_table: DenseTable, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -56,8 +56,9 @@ def add_parser(actions: Subparsers) -> None:
         "--table",
         metavar="NAME|FILE",
         default="default",
-        help="likelihood table: default, or for perspective cameras as sharp as a pixel "
-        "perspective; dense, the paper's; or a file of pflut lut build (default: %(default)s)",
+        help="likelihood table: default; home, sharper and for rooms; perspective, for such "
+        "cameras as sharp as a pixel; dense, the paper's; or a file of pflut lut build "
+        "(default: %(default)s)",
     )
     parser.add_argument(
         "--bins",

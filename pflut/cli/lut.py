@@ -159,8 +159,8 @@ def add_parser(verbs: Subparsers) -> None:
     real.add_argument(
         "--prior",
         metavar="NAME|FILE",
-        help="the residual table that fills what the pairs do not say: default, perspective or a "
-        "file (default: default)",
+        help="the residual table that fills what the pairs do not say: default, home, perspective "
+        "or a file (default: default)",
     )
     real.add_argument(
         "--max-distance",
@@ -182,8 +182,8 @@ def add_parser(verbs: Subparsers) -> None:
         metavar="NAME|FILE",
         nargs="?",
         default="default",
-        help="default and perspective come with pflut, dense is the paper's; or a table's file "
-        "(default: %(default)s)",
+        help="default, home and perspective come with pflut, dense is the paper's; or a table's "
+        "file (default: %(default)s)",
     )
     info.set_defaults(run=run_info, parser=info)
     calibrate.add_parser(actions)

@@ -40,7 +40,7 @@ from pflut.likelihood.storage import read_table, write_table
 from pflut.simulation.correspondences import CorrespondenceSimulator
 
 KIND = "residual"
-SHIPPED = {"panorama": "default.npz", "perspective": "perspective.npz"}
+SHIPPED = {"panorama": "default.npz", "home": "home.npz", "perspective": "perspective.npz"}
 DEFAULT_BINS = 128
 DEFAULT_SAMPLES = 64_000_000
 DEFAULT_CLASSES = 4
@@ -433,18 +433,24 @@ class LikelihoodTable:
 
     @classmethod
     def default(
-        cls, camera: Literal["panorama", "perspective"] = "panorama", *, bins: int = DEFAULT_BINS
+        cls,
+        camera: Literal["panorama", "home", "perspective"] = "panorama",
+        *,
+        bins: int = DEFAULT_BINS,
     ) -> LikelihoodTable:
-        """Return a table that comes with pflut, learned from the paper's simulator.
+        """Return a table that comes with pflut, learned from the simulator.
 
         Parameters
         ----------
-        camera : {"panorama", "perspective"}
-            "panorama" is learned with 0.01 rad of noise, and holds on level floors for any camera:
-            noise, tilt and calibration of real drives are rarely less. "perspective" is learned
-            with two cameras of 90 by 70 degrees that look roughly the same way, and a noise of 1
-            pixel at a focal length of 500: for image pairs that are as sharp as that.
-            `pflut lut build` with its default options makes the first one.
+        camera : {"panorama", "home", "perspective"}
+            "panorama" is learned from the paper's scene with 0.01 rad of noise, and holds on level
+            floors for any camera: noise, tilt and calibration of real drives are rarely less.
+            "home" is learned from landmarks on the walls of rooms with half that noise: for
+            relative poses of panoramas taken indoors by a robot that does not lean. "perspective"
+            is learned with two cameras of 90 by 70 degrees that look roughly the same way, and a
+            noise of 1 pixel at a focal length of 500: for image pairs that are as sharp as that.
+            `pflut lut build` with its default options makes the first one, ``--scene box --noise
+            0.005`` the second.
         bins : int
             Cells an axis of its grids: 128 suits panoramas; perspective cameras measure more
             sharply, 256.

@@ -132,8 +132,8 @@ class ReplayOptions:
     )
     table: str = _option(
         "default",
-        "likelihood table: default, or for perspective cameras as sharp as a pixel perspective; "
-        "dense, the paper's; or a file of pflut lut build",
+        "likelihood table: default; home, sharper and for rooms; perspective, for such cameras as "
+        "sharp as a pixel; dense, the paper's; or a file of pflut lut build",
         "sensor model",
         metavar="NAME|FILE",
     )

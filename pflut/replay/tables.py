@@ -32,8 +32,8 @@ def choose_table(
     Parameters
     ----------
     name : str
-        "default" and "perspective" come with pflut, see `LikelihoodTable.default`; "dense" is the
-        paper's table, learned at its first use; anything else is a table's file.
+        "default", "home" and "perspective" come with pflut, see `LikelihoodTable.default`; "dense"
+        is the paper's table, learned at its first use; anything else is a table's file.
     bins : int, optional
         Cells an axis of the grids. By default a file's own, and of the others what suits the
         camera.
@@ -55,8 +55,8 @@ def choose_table(
     suitable = COMMON_BINS if camera is None else camera_bins(camera)
     if name == "default":
         return LikelihoodTable.default(bins=bins or suitable)
-    if name == "perspective":
-        return LikelihoodTable.default("perspective", bins=bins or suitable)
+    if name == "home" or name == "perspective":
+        return LikelihoodTable.default(name, bins=bins or suitable)
     if name == "dense":
         # what the paper's table costs grows with the square
         suitable = DENSE_BINS if suitable == COMMON_BINS else suitable
