@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -13,6 +13,11 @@ from pflut.likelihood.files import load_table
 from pflut.likelihood.sampling import Progress
 from pflut.likelihood.table import LikelihoodTable
 
+SHIPPED: dict[str, Literal["panorama", "home", "perspective"]] = {
+    "default": "panorama",
+    "home": "home",
+    "perspective": "perspective",
+}
 COMMON_BINS = 192
 """A particle interpolates between cells; wider ones cost accuracy, narrower ones only time."""
 DENSE_BINS = 128
@@ -53,10 +58,8 @@ def choose_table(
         If there is no such file.
     """
     suitable = COMMON_BINS if camera is None else camera_bins(camera)
-    if name == "default":
-        return LikelihoodTable.default(bins=bins or suitable)
-    if name == "home" or name == "perspective":
-        return LikelihoodTable.default(name, bins=bins or suitable)
+    if name in SHIPPED:
+        return LikelihoodTable.default(SHIPPED[name], bins=bins or suitable)
     if name == "dense":
         # what the paper's table costs grows with the square
         suitable = DENSE_BINS if suitable == COMMON_BINS else suitable
