@@ -1,38 +1,49 @@
 """pflut beside the relative-pose estimators that people use now, on the same simulated pairs.
 
     pip install "pflut[peers]"
-    OMP_NUM_THREADS=1 python sims/peers.py [--quick] [--pairs N] [--output DIR]
+    OMP_NUM_THREADS=1 python sims/peers.py [--quick] [--programs DIR] [--output DIR]
+    OMP_NUM_THREADS=1 python sims/peers.py --tune
 
 Panoramas and perspective cameras (90 by 70 degrees) of the paper's simulator, 25 and 100
-correspondences, 0 to 95 % of mismatches. Peers that `pip` installs: PoseLib, pycolmap, OpenCV;
-those that are missing are left out and named. PoseLib has minimal solvers for the plane but no
-robust estimator around them, so they run in a RANSAC in NumPy here, whose time says nothing of
-PoseLib's; pflut's own planar LO-RANSAC is what such a loop comes to when it is compiled. All others
-estimate all six degrees of freedom and are then asked for the two headings.
+correspondences, 0 to 95 % of mismatches. Of each peer its defaults and its best settings, which
+``--tune`` shows on other pairs (seed 2).
 
-Prints a table a kind of camera: share of pairs with both headings within 0.1 rad, median of the
-larger error, and the CPU time a pair, of one thread, in one run. A CSV and a figure are written.
+`pip` installs PoseLib, pycolmap and OpenCV; all they have for two views estimates six degrees of
+freedom, and is then asked for the two headings. PoseLib has minimal solvers for the plane, too, but
+no robust estimator around them: one in Python is measured here, whose time says nothing. To be
+built (sims/cpp): PoseLib's own LO-RANSAC around its planar solvers, and OpenGV; ``--programs`` says
+where they are. What is missing is left out and named.
+
+Prints a table a kind of camera and number of correspondences: share of pairs with both headings
+within 0.1 rad, median of the larger error, CPU time a pair, one thread, in one run; then the cells
+in which pflut is not the best. A CSV and a figure are written.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
 import os
-from collections.abc import Callable
+import subprocess
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from time import process_time
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from pflut import Correspondences, CorrespondenceSimulator, LikelihoodTable, estimate_relative_poses
-from pflut.geometry import wrap_to_pi
+from pflut import Correspondences, CorrespondenceSimulator, LikelihoodTable, refine_relative_pose
+from pflut._files import write_csv
+from pflut.comparison import Estimator, PairErrors, by_ransac, by_table
+from pflut.likelihood.table import bearing_columns
 from pflut.plot import save_figure
-from pflut.relpose.ransac import ransac_headings
+from pflut.plot.style import CYCLE, new_figure, tidy
+from pflut.relpose.ransac_kernels import BLOCK, NUM_ROWS, model_cost, prepare
+from pflut.statistics import bootstrap_median_ratio, success_rate
 
 try:
     import poselib
@@ -43,19 +54,46 @@ try:
 except ImportError:
     pycolmap = None
 
-SUCCESS = 0.1
 SHARES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95)
 COUNTS = (25, 100)
 FOCAL = 500.0
 PIXEL = 1.0 / FOCAL
 WIDTH, HEIGHT = 1000, 700
-PANORAMAS = CorrespondenceSimulator(noise=0.01)
-IMAGES = CorrespondenceSimulator(field_of_view=(np.radians(90), np.radians(70)), noise=PIXEL)
-SLOW = 2000.0
-"""Microseconds; an estimator that takes longer gets a tenth of the pairs."""
+CONDITIONS = {
+    "panoramas": CorrespondenceSimulator(noise=0.01),
+    "perspective": CorrespondenceSimulator(
+        field_of_view=(np.radians(90), np.radians(70)), noise=PIXEL
+    ),
+}
+FEWEST = 3
+"""Pairs of a cell, however slow an estimator is."""
+CLOSE = 0.05
+"""A peer whose success comes within this share of pflut's is as good."""
+FASTER = 5.0
+"""How many times as fast as it pflut is to be then."""
+CAMERA = {
+    "model": "SIMPLE_PINHOLE",
+    "width": WIDTH,
+    "height": HEIGHT,
+    "params": [FOCAL, WIDTH / 2, HEIGHT / 2],
+}
 
-Estimator = Callable[[np.ndarray], np.ndarray]
-"""Takes bearings (pairs, n, 4) and gives headings (pairs, 2), radians."""
+
+TRIED = (0.33, 0.67, 1.0, 1.5, 2.0)
+"""Factors of the thresholds that are reported."""
+
+
+class Headings(NamedTuple):
+    """What a peer finds, radians; NaN where it finds nothing."""
+
+    heading_l: float = np.nan
+    heading_r: float = np.nan
+
+
+Measure = Callable[[Sequence[Correspondences], np.ndarray], PairErrors]
+"""Takes pairs and true headings (n, 2), and gives the errors and the time."""
+Settings = Callable[[float], Measure]
+"""Takes a threshold."""
 
 
 @dataclass(frozen=True)
@@ -65,14 +103,32 @@ class Peer:
     Parameters
     ----------
     name : str
-    estimate : callable
     origin : str
         Where it comes from.
+    measure : callable
     """
 
     name: str
-    estimate: Estimator
     origin: str
+    measure: Measure
+
+
+def timed(
+    estimate: Estimator, pairs: Sequence[Correspondences], headings: np.ndarray
+) -> PairErrors:
+    """Run an estimator in this process."""
+    start = process_time()
+    found = [[pose.heading_l, pose.heading_r] for pose in estimate(pairs)]
+    return PairErrors.of(found, headings, (process_time() - start) / len(pairs))
+
+
+def one_by_one(
+    estimate: Callable[[Correspondences], Headings],
+    pairs: Sequence[Correspondences],
+    headings: np.ndarray,
+) -> PairErrors:
+    """Run a function of one pair in this process."""
+    return timed(lambda some: [estimate(pair) for pair in some], pairs, headings)
 
 
 def rays(azimuth: np.ndarray, elevation: np.ndarray) -> np.ndarray:
@@ -83,150 +139,72 @@ def rays(azimuth: np.ndarray, elevation: np.ndarray) -> np.ndarray:
     )
 
 
-def pixels(azimuth: np.ndarray, elevation: np.ndarray) -> np.ndarray:
-    """Give the places in the image of a perspective camera."""
-    x, y, z = np.moveaxis(rays(azimuth, elevation), -1, 0)
-    return np.stack([x / z * FOCAL + WIDTH / 2, y / z * FOCAL + HEIGHT / 2], axis=-1)
+def rays_of(pair: Correspondences) -> tuple[np.ndarray, np.ndarray]:
+    """Give the rays of both views."""
+    return rays(pair.azimuth_l, pair.elevation_l), rays(pair.azimuth_r, pair.elevation_r)
 
 
-def headings_of(rotation: np.ndarray, translation: np.ndarray) -> tuple[float, float]:
+def pixels_of(pair: Correspondences) -> tuple[np.ndarray, np.ndarray]:
+    """Give the places in both images of a perspective camera."""
+    center = np.array([WIDTH / 2, HEIGHT / 2])
+    left, right = (view[:, :2] / view[:, 2:] * FOCAL + center for view in rays_of(pair))
+    return left, right
+
+
+def headings_of(rotation: np.ndarray, translation: np.ndarray) -> Headings:
     """Give the planar headings of x_r = R x_l + t, in cameras' frames."""
-    center = -rotation.T @ np.ravel(translation)
-    other = np.ravel(translation)
-    return float(np.arctan2(-center[0], center[2])), float(np.arctan2(-other[0], other[2]))
-
-
-def each(estimate: Callable[[np.ndarray], tuple[float, float] | None]) -> Estimator:
-    """Make an estimator of one that takes one pair (n, 4); without an answer it guesses zeros."""
-
-    def estimate_all(bearings: np.ndarray) -> np.ndarray:
-        return np.array([estimate(pair) or (0.0, 0.0) for pair in bearings])
-
-    return estimate_all
-
-
-# --- pflut ----------------------------------------------------------------------------------------
-
-
-def likelihood(table: LikelihoodTable) -> Estimator:
-    """Make pflut's default estimator, in a batch."""
-
-    def estimate(bearings: np.ndarray) -> np.ndarray:
-        pairs = [Correspondences(*pair.T) for pair in bearings]
-        found = estimate_relative_poses(pairs, table)
-        return np.array([[pose.heading_l, pose.heading_r] for pose in found])
-
-    return estimate
-
-
-def ransac(**options: object) -> Estimator:
-    """Make pflut's planar RANSAC."""
-    return lambda bearings: ransac_headings(bearings, **options)[0]
+    center, other = -rotation.T @ np.ravel(translation), np.ravel(translation)
+    return Headings(
+        float(np.arctan2(-center[0], center[2])), float(np.arctan2(-other[0], other[2]))
+    )
 
 
 # --- PoseLib --------------------------------------------------------------------------------------
 
 
-def residuals(poses: np.ndarray, pair: np.ndarray) -> np.ndarray:
-    """Give the planar epipolar residuals (m, n) at poses, radians; infinite behind a view."""
-    theta, phi = poses[:, 0, None], poses[:, 1, None]
-    u, v = theta - pair[:, 0], phi - pair[:, 2]
-    sin_l, cos_l = np.sin(pair[:, 1]), np.cos(pair[:, 1])
-    sin_r, cos_r = np.sin(pair[:, 3]), np.cos(pair[:, 3])
-    value = sin_r * cos_l * np.sin(u) + sin_l * cos_r * np.sin(v)
-    square = (sin_r * np.cos(u)) ** 2 + (cos_l * cos_r * np.sin(v) - sin_r * sin_l * np.sin(u)) ** 2
-    square += (sin_l * np.cos(v)) ** 2
-    square += (cos_r * cos_l * np.sin(u) - sin_l * sin_r * np.sin(v)) ** 2
-    # depths along the lines of sight, of which the baseline is the third side
-    apex = np.sin(u - v)
-    behind = (np.sin(v) * apex > 0.0) | (np.sin(u) * apex < 0.0)
-    return np.where(behind, np.inf, np.abs(value) / np.sqrt(square + 1e-24))
+def planar_loop(pair: Correspondences, *, iterations: int, threshold: float) -> Headings:
+    """Run a RANSAC in Python around PoseLib's planar 2-point solver: MSAC with cheirality.
 
-
-def planar_solver(
-    solver: Callable[..., list], size: int, iterations: int, threshold: float
-) -> Estimator:
-    """Make a RANSAC in NumPy of one of PoseLib's minimal solvers: truncated squares, cheirality.
-
-    The best pose is polished by Gauss-Newton on what agrees.
+    The best pose is polished by the M-estimator.
     """
-
-    def estimate(pair: np.ndarray) -> tuple[float, float] | None:
-        drawn = np.random.default_rng(0).random((iterations, len(pair)))
-        samples = np.argpartition(drawn, size - 1, axis=1)[:, :size]
-        left, right = rays(pair[:, 0], pair[:, 1]), rays(pair[:, 2], pair[:, 3])
-        poses = []
-        for sample in samples:
-            poses += [headings_of(p.R, p.t) for p in solver(left[sample], right[sample])]
-        if not poses:
-            return None
-        candidates = np.array(poses)
-        cost = np.minimum(residuals(candidates, pair) ** 2, threshold**2).sum(axis=1)
-        return polished(candidates[cost.argmin()], pair, threshold)
-
-    return each(estimate)
-
-
-def polished(pose: np.ndarray, pair: np.ndarray, threshold: float) -> tuple[float, float]:
-    """Give the least-squares pose of what agrees: six steps, with a numerical gradient."""
-    step = 1e-6
-    for _ in range(6):
-        around = pose + step * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
-        errors = residuals(around, pair)
-        agree = (errors < threshold).all(axis=0)
-        if agree.sum() < 2:
-            break
-        u, v = pose[0] - pair[agree, 0], pose[1] - pair[agree, 2]
-        p = np.sin(pair[agree, 3]) * np.cos(pair[agree, 1])
-        q = np.sin(pair[agree, 1]) * np.cos(pair[agree, 3])
-        sign = np.sign(p * np.sin(u) + q * np.sin(v))
-        slopes = sign * (errors[1::2, agree] - errors[2::2, agree]) / (2.0 * step)
-        pose = pose - np.linalg.lstsq(slopes.T, sign * errors[0, agree], rcond=None)[0]
-    return float(pose[0]), float(pose[1])
+    columns, n = bearing_columns(pair), len(pair)
+    rows = np.empty((NUM_ROWS, -(-n // BLOCK) * BLOCK))
+    prepare(columns, np.zeros(1, np.uint64), rows, np.empty(n, np.int64), True)
+    left, right = rays_of(pair)
+    rng, cheapest, best = np.random.default_rng(0), float(n), Headings()
+    for _ in range(iterations):
+        sample = rng.choice(n, 2, replace=False)
+        for pose in poselib.relpose_upright_planar_2pt(left[sample], right[sample]):
+            found = headings_of(pose.R, pose.t)
+            model = np.stack([np.sin(found), np.cos(found)], axis=1).ravel()
+            cost = model_cost(rows, model, threshold, True, cheapest)
+            if cost < cheapest:
+                cheapest, best = cost, found
+    if np.isnan(best.heading_l):
+        return best
+    polished = refine_relative_pose(pair, *best, noise=threshold / 3.0)
+    return Headings(polished.heading_l, polished.heading_r)
 
 
-def poselib_five_point(pair: np.ndarray) -> tuple[float, float] | None:
-    """Run PoseLib's own LO-RANSAC of the five-point solver, with its refinement; images only."""
-    camera = {
-        "model": "SIMPLE_PINHOLE",
-        "width": WIDTH,
-        "height": HEIGHT,
-        "params": [FOCAL, WIDTH / 2, HEIGHT / 2],
-    }
-    options = {"max_iterations": 10_000, "max_epipolar_error": 3.0}
-    points = pixels(pair[:, 0], pair[:, 1]), pixels(pair[:, 2], pair[:, 3])
-    pose, _ = poselib.estimate_relative_pose(*points, camera, camera, options, {})
+def poselib_images(pair: Correspondences, **options: Any) -> Headings:
+    """Run PoseLib's LO-RANSAC of the five-point solver, with its refinement; pixels."""
+    pose, _ = poselib.estimate_relative_pose(*pixels_of(pair), CAMERA, CAMERA, options, {})
     return headings_of(pose.R, pose.t)
 
 
 # --- pycolmap -------------------------------------------------------------------------------------
 
 
-def colmap_rays(pair: np.ndarray) -> tuple[float, float] | None:
-    """Run COLMAP's LO-RANSAC on rays, which it takes of any camera."""
-    options = pycolmap.RANSACOptions(
-        max_error=0.03, max_num_trials=10_000, min_num_trials=1000, random_seed=0
-    )
-    left, right = rays(pair[:, 0], pair[:, 1]), rays(pair[:, 2], pair[:, 3])
-    return colmap_answer(pycolmap.estimate_relative_pose(left, right, options))
-
-
-def colmap_pixels(pair: np.ndarray) -> tuple[float, float] | None:
-    """Run COLMAP's LO-RANSAC on pixels, and its refinement."""
-    camera = pycolmap.Camera(
-        model="SIMPLE_PINHOLE", width=WIDTH, height=HEIGHT, params=[FOCAL, WIDTH / 2, HEIGHT / 2]
-    )
-    options = pycolmap.RANSACOptions(
-        max_error=3.0, max_num_trials=10_000, min_num_trials=1000, random_seed=0
-    )
-    left, right = pixels(pair[:, 0], pair[:, 1]), pixels(pair[:, 2], pair[:, 3])
-    return colmap_answer(pycolmap.estimate_essential_matrix(left, right, camera, camera, options))
-
-
-def colmap_answer(answer: dict | None) -> tuple[float, float] | None:
-    """Give the headings of what COLMAP found."""
+def colmap(pair: Correspondences, *, on_rays: bool, **options: Any) -> Headings:
+    """Run COLMAP's LO-RANSAC on rays, which it takes of any camera, or on pixels."""
+    chosen = pycolmap.RANSACOptions(random_seed=0, **options)
+    if on_rays:
+        answer = pycolmap.estimate_relative_pose(*rays_of(pair), chosen)
+    else:
+        camera = pycolmap.Camera(**CAMERA)
+        answer = pycolmap.estimate_essential_matrix(*pixels_of(pair), camera, camera, chosen)
     if answer is None:
-        return None
+        return Headings()
     pose = answer["cam2_from_cam1"]
     return headings_of(pose.rotation.matrix(), np.array(pose.translation))
 
@@ -234,189 +212,318 @@ def colmap_answer(answer: dict | None) -> tuple[float, float] | None:
 # --- OpenCV ---------------------------------------------------------------------------------------
 
 
-def opencv(method: int, iterations: int, threshold: float) -> Estimator:
-    """Make OpenCV's five-point RANSAC of a method, and its decomposition with cheirality."""
+def opencv(pair: Correspondences, *, method: int, iterations: int, threshold: float) -> Headings:
+    """Run OpenCV's five-point RANSAC of a method, and its decomposition with cheirality."""
     matrix = np.array([[FOCAL, 0, WIDTH / 2], [0, FOCAL, HEIGHT / 2], [0, 0, 1]])
+    left, right = pixels_of(pair)
+    try:
+        essential, mask = cv2.findEssentialMat(
+            left, right, matrix, method, 0.999, threshold, iterations
+        )
+        if essential is None or essential.shape != (3, 3):
+            return Headings()
+        _, rotation, translation, _ = cv2.recoverPose(essential, left, right, matrix, mask=mask)
+    except cv2.error:
+        return Headings()
+    return headings_of(rotation, translation)
 
-    def estimate(pair: np.ndarray) -> tuple[float, float] | None:
-        left, right = pixels(pair[:, 0], pair[:, 1]), pixels(pair[:, 2], pair[:, 3])
-        try:
-            essential, mask = cv2.findEssentialMat(
-                left, right, matrix, method, 0.999, threshold, iterations
-            )
-            if essential is None or essential.shape != (3, 3):
-                return None
-            _, rotation, translation, _ = cv2.recoverPose(
-                essential, left, right, matrix, mask=mask.copy()
-            )
-        except cv2.error:
-            return None
-        return headings_of(rotation, translation)
 
-    return each(estimate)
+# --- programs -------------------------------------------------------------------------------------
+
+
+def program(
+    path: Path, arguments: Sequence[str], pairs: Sequence[Correspondences], headings: np.ndarray
+) -> PairErrors:
+    """Run a program of sims/cpp, which takes its own time."""
+    angles = [
+        np.stack([c.azimuth_l, c.elevation_l, c.azimuth_r, c.elevation_r], axis=1) for c in pairs
+    ]
+    given = f"{len(pairs)} {len(pairs[0])}\n".encode() + np.array(angles).tobytes()
+    done = subprocess.run([path, *arguments], input=given, stdout=subprocess.PIPE, check=True)
+    found = np.frombuffer(done.stdout).reshape(-1, 3)
+    return PairErrors.of(found[:, :2], headings, 1e-6 * float(found[:, 2].mean()))
+
+
+# --- who takes part -------------------------------------------------------------------------------
+
+
+def own(condition: str) -> list[Peer]:
+    """Give pflut's estimators; the first one is what the others are compared with."""
+    noise = CONDITIONS[condition].noise
+    camera = "perspective" if condition == "perspective" else "panorama"
+    counting = {"scoring": "inliers", "local_optimization": False}
+    estimators = {
+        f'likelihood, default("{camera}")': by_table(LikelihoodTable.default(camera)),
+        "planar 2-point LO-RANSAC x1000": by_ransac(noise=noise),
+        "planar 2-point LO-RANSAC, adaptive": by_ransac(noise=noise, confidence=0.999),
+        "planar 3-point RANSAC x1000, inlier counts": by_ransac(
+            noise=noise, solver="3pt", **counting
+        ),
+        "8-point LO-RANSAC x1000": by_ransac(noise=noise, solver="8pt"),
+    }
+    return [Peer(name, "pflut", partial(timed, each)) for name, each in estimators.items()]
+
+
+def at_their_best(condition: str, folder: Path) -> dict[tuple[str, str], tuple[Settings, float]]:
+    """Give the peers whose threshold is a setting, each as a function of it, and the best one.
+
+    By name, with a place for the threshold, and origin.
+    """
+    found: dict[tuple[str, str], tuple[Settings, float]] = {}
+
+    def alone(estimate: Callable[..., Headings], key: str, **options: Any) -> Settings:
+        return lambda x: partial(one_by_one, partial(estimate, **{key: x}, **options))
+
+    def run(file: str, *arguments: str) -> Settings:
+        return lambda x: partial(program, folder / file, [*arguments, str(x)])
+
+    limit = 3.0 * CONDITIONS[condition].noise
+    trials = {"max_num_trials": 10_000}
+    if poselib is not None:
+        origin = f"PoseLib {poselib.__version__}"
+        solver = alone(planar_loop, "threshold", iterations=1000)
+        found["planar 2-point in a Python loop x1000", origin] = solver, limit
+        if condition == "perspective":
+            images = alone(poselib_images, "max_epipolar_error", max_iterations=10_000)
+            found["estimate_relative_pose x10,000, {:g} px", origin] = images, 3.0
+    if pycolmap is not None:
+        origin = f"pycolmap {pycolmap.__version__}"
+        if condition == "panoramas":
+            on_rays = alone(colmap, "max_error", on_rays=True, **trials)
+            found["on rays x10,000, {:g} rad", origin] = on_rays, 0.03
+        else:
+            images = alone(colmap, "max_error", on_rays=False, **trials)
+            found["estimate_essential_matrix x10,000, {:g} px", origin] = images, 3.0
+    if condition == "perspective":
+        for name in ("RANSAC", "USAC_MAGSAC", "USAC_ACCURATE"):
+            method = alone(opencv, "threshold", method=getattr(cv2, name), iterations=10_000)
+            found[f"{name} x10,000, {{:g}} px", f"OpenCV {cv2.__version__}"] = method, 3.0
+    if (folder / "poselib_planar").is_file():
+        for times in ("x100", "x1000", "adaptive"):
+            planar = run("poselib_planar", "2pt", times.removeprefix("x"))
+            found[f"planar 2-point LO-RANSAC {times}", "PoseLib, built"] = planar, limit
+        planar = run("poselib_planar", "3pt", "1000")
+        found["planar 3-point LO-RANSAC x1000", "PoseLib, built"] = planar, limit
+    if (folder / "opengv_peers").is_file():
+        for solver, points in (("stewenius", "5-point"), ("eightpt", "8-point")):
+            general = run("opengv_peers", solver, "1000")
+            found[f"{points} RANSAC x1000", "OpenGV, built"] = general, 1.5 * limit
+    return found
+
+
+def at_their_defaults(condition: str) -> list[Peer]:
+    """Give what is called with nothing but the points: only images have defaults that make sense.
+
+    (On rays COLMAP's default threshold of 4 would call everything an inlier.)
+    """
+    if condition != "perspective":
+        return []
+    found = [
+        Peer(f"{name}, defaults", f"OpenCV {cv2.__version__}", partial(one_by_one, estimate))
+        for name, estimate in (
+            (name, partial(opencv, method=getattr(cv2, name), iterations=1000, threshold=1.0))
+            for name in ("RANSAC", "USAC_MAGSAC", "USAC_ACCURATE")
+        )
+    ]
+    if poselib is not None:
+        origin, name = f"PoseLib {poselib.__version__}", "estimate_relative_pose, defaults"
+        found.append(Peer(name, origin, partial(one_by_one, poselib_images)))
+    if pycolmap is not None:
+        origin, name = f"pycolmap {pycolmap.__version__}", "estimate_essential_matrix, defaults"
+        found.append(Peer(name, origin, partial(one_by_one, partial(colmap, on_rays=False))))
+    return found
+
+
+def everybody(condition: str, folder: Path) -> list[Peer]:
+    """Give all who take part: pflut first, then peers at their defaults and at their best."""
+    best = [
+        Peer(name.format(threshold), origin, settings(threshold))
+        for (name, origin), (settings, threshold) in at_their_best(condition, folder).items()
+    ]
+    return [*own(condition), *at_their_defaults(condition), *best]
 
 
 # --- the experiment -------------------------------------------------------------------------------
 
-
-def peers_of_panoramas() -> list[Peer]:
-    """Give what takes bearings all around."""
-    found = [
-        Peer("pflut, default table", likelihood(LikelihoodTable.default()), "pflut"),
-        Peer("planar 2-point LO-RANSAC x1000", ransac(), "pflut"),
-        Peer("planar 2-point LO-RANSAC x100", ransac(max_iterations=100), "pflut"),
-        Peer("planar 2-point LO-RANSAC, adaptive", ransac(confidence=0.999), "pflut"),
-        Peer(
-            "planar 3-point RANSAC x1000, inlier counts (the paper's)",
-            ransac(solver="3pt", scoring="inliers", local_optimization=False),
-            "pflut",
-        ),
-    ]
-    if poselib is not None:
-        two, three = poselib.relpose_upright_planar_2pt, poselib.relpose_upright_planar_3pt
-        found += [
-            Peer("planar 2-point in a NumPy RANSAC x1000", planar_solver(two, 2, 1000, 0.03), POSE),
-            Peer(
-                "planar 3-point in a NumPy RANSAC x1000", planar_solver(three, 3, 1000, 0.03), POSE
-            ),
-            Peer(
-                "5-point in a NumPy RANSAC x1000",
-                planar_solver(poselib.relpose_5pt, 5, 1000, 0.03),
-                POSE,
-            ),
-        ]
-    if pycolmap is not None:
-        found.append(Peer("5-point LO-RANSAC on rays x10,000", each(colmap_rays), COLMAP))
-    return found
+COLUMNS = ("condition", "origin", "estimator", "correspondences", "mismatch", "pairs")
+COLUMNS += (
+    "success",
+    "low",
+    "high",
+    "median_rad",
+    "heading_l_rad",
+    "heading_r_rad",
+    "microseconds",
+)
 
 
-def peers_of_images() -> list[Peer]:
-    """Give what takes pixels, or bearings."""
-    sharp = {"threshold": 3.0 * PIXEL, "noise": PIXEL}
-    table = LikelihoodTable.default("perspective")
-    found = [
-        Peer('pflut, default("perspective")', likelihood(table), "pflut"),
-        Peer("planar 2-point LO-RANSAC x1000", ransac(**sharp), "pflut"),
-        Peer("planar 2-point LO-RANSAC x100", ransac(max_iterations=100, **sharp), "pflut"),
-        Peer("planar 2-point LO-RANSAC, adaptive", ransac(confidence=0.999, **sharp), "pflut"),
-        Peer(
-            "planar 3-point RANSAC x1000, inlier counts (the paper's)",
-            ransac(solver="3pt", scoring="inliers", local_optimization=False, **sharp),
-            "pflut",
-        ),
-        Peer("findEssentialMat RANSAC", opencv(cv2.RANSAC, 1000, 1.0), "OpenCV, defaults"),
-        Peer("USAC_MAGSAC x10,000", opencv(cv2.USAC_MAGSAC, 10_000, 3.0), "OpenCV"),
-        Peer("USAC_ACCURATE x10,000", opencv(cv2.USAC_ACCURATE, 10_000, 3.0), "OpenCV"),
-    ]
-    if poselib is not None:
-        two = poselib.relpose_upright_planar_2pt
-        solver = planar_solver(two, 2, 1000, 3.0 * PIXEL)
-        found += [
-            Peer("planar 2-point in a NumPy RANSAC x1000", solver, POSE),
-            Peer("estimate_relative_pose, 5-point LO x10,000", each(poselib_five_point), POSE),
-        ]
-    if pycolmap is not None:
-        found.append(Peer("estimate_essential_matrix x10,000", each(colmap_pixels), COLMAP))
-    return found
+class Row(NamedTuple):
+    """One estimator in one cell, as in the CSV."""
+
+    condition: str
+    origin: str
+    name: str
+    count: int
+    share: float
+    pairs: int
+    success: float
+    low: float
+    high: float
+    median: float
+    heading_l: float
+    heading_r: float
+    microseconds: float
+
+    @property
+    def label(self) -> str:
+        """Name and origin."""
+        return self.name if self.origin == "pflut" else f"{self.name} ({self.origin})"
 
 
-POSE = f"PoseLib {poselib.__version__}" if poselib is not None else ""
-COLMAP = f"pycolmap {pycolmap.__version__}" if pycolmap is not None else ""
+def run_cell(
+    condition: str, peer: Peer, count: int, share: float, pairs: int, budget: float, seed: int = 1
+) -> tuple[Row, PairErrors]:
+    """Run one estimator on the pairs of one cell, on as many as it can in so many seconds."""
+    simulator = replace(CONDITIONS[condition], mismatch=share)
+    headings, bearings = simulator.sample(pairs, count, rng=seed)
+    made = [Correspondences(*pair.T) for pair in bearings]
+    peer.measure(made[:1], headings[:1])  # compiles
+    seconds = peer.measure(made[:1], headings[:1]).seconds
+    used = int(min(max(budget / max(seconds, 1e-9), FEWEST), pairs))
+    errors = peer.measure(made[:used], headings[:used])
+    rate = success_rate(errors.found)
+    medians = [float(np.median(e)) for e in (errors.heading, errors.heading_l, errors.heading_r)]
+    cell = (condition, peer.origin, peer.name, count, share, used, rate.rate, rate.low, rate.high)
+    return Row(*cell, *medians, 1e6 * errors.seconds), errors
 
 
-def measure(
-    condition: str, peers: list[Peer], simulator: CorrespondenceSimulator, pairs: int, bar: tqdm
-) -> list[tuple]:
-    """Run all peers on the same pairs: success, median error and time of each cell."""
-    rows = []
-    for count in COUNTS:
-        for share in SHARES:
-            cell = replace(simulator, mismatch=share)
-            headings, bearings = cell.sample(pairs, count, rng=1)
-            for peer in peers:
-                peer.estimate(bearings[:2])
-                start = process_time()
-                peer.estimate(bearings[:3])
-                slow = (process_time() - start) / 3 > SLOW * 1e-6
-                used = max(pairs // 10, 8) if slow else pairs
-                start = process_time()
-                found = peer.estimate(bearings[:used])
-                spent = process_time() - start
-                error = np.abs(wrap_to_pi(found - headings[:used])).max(axis=1)
-                rate, median = float((error < SUCCESS).mean()), float(np.median(error))
-                cell_of = (condition, peer.origin, peer.name, count, share)
-                rows.append((*cell_of, used, rate, median, 1e6 * spent / used))
-                bar.update()
-    return rows
+def show(rows: Sequence[Row]) -> None:
+    """Print a table a camera and number of correspondences."""
+    for condition, count in dict.fromkeys((row.condition, row.count) for row in rows):
+        some = [row for row in rows if (row.condition, row.count) == (condition, count)]
+        print(f"\n{condition}, {count} correspondences: success / median [rad] / us by mismatches")
+        print(f"{'':72}" + "".join(f"{share:>22.0%}" for share in SHARES))
+        for label in dict.fromkeys(row.label for row in some):
+            cells = [row for row in some if row.label == label]
+            line = (f"{c.success:.2f} / {c.median:.4f} / {c.microseconds:.0f}" for c in cells)
+            print(f"{label:72}" + "".join(f"{cell:>22}" for cell in line))
 
 
-def show(condition: str, rows: list[tuple]) -> None:
-    """Print a table a number of correspondences."""
-    for count in COUNTS:
-        print(f"\n{condition}, {count} correspondences: success / median [rad] by mismatches")
-        names = dict.fromkeys((row[1], row[2]) for row in rows)
-        shares = "".join(f"{share:>15.0%}" for share in SHARES)
-        print(f"{'':72}{shares}{'us at 80 %':>12}")
-        for origin, name in names:
-            cells = {row[4]: row for row in rows if row[1:4] == (origin, name, count)}
-            line = "".join(f"{f'{cells[s][6]:.2f} / {cells[s][7]:.4f}':>15}" for s in SHARES)
-            print(f"{name:56}{origin:16}{line}{cells[0.8][8]:12.0f}")
+def show_where_not_best(measured: Sequence[tuple[Row, PairErrors]]) -> None:
+    """Name the cells in which a peer is more accurate, or as good and not much slower.
+
+    On the pairs that both were run on, and beyond what these can tell: 95 % intervals. Errors are
+    compared where most of the pairs are found, and twenty have been run.
+    """
+    print("\nwhere pflut's likelihood is not the best, of peers that are not pflut's:")
+    for key in dict.fromkeys((row.condition, row.count, row.share) for row, _ in measured):
+        (mine, own), *others = ((r, e) for r, e in measured if (r[0], r.count, r.share) == key)
+        for row, errors in others:
+            if row.origin == "pflut":
+                continue
+            same = slice(row.pairs)
+            gained = errors.found.astype(float) - own.found[same]
+            half = 1.96 * float(gained.std()) / np.sqrt(row.pairs)
+            said = [f"finds {gained.mean():+.3f}"] if gained.mean() > half else []
+            told = row.pairs >= 20 and mine.success > 0.5
+            for name in ("heading", "heading_l", "heading_r") if told else ():
+                theirs, ours = getattr(errors, name), getattr(own, name)[same]
+                if bootstrap_median_ratio(theirs, ours, rng=0)[1] < 1.0:
+                    said.append(f"{name} error {np.median(theirs) / np.median(ours):.2f}")
+            ratio = row.microseconds / mine.microseconds
+            if gained.mean() > -CLOSE and ratio < FASTER:
+                said.append(f"{row.success:.3f} for {mine.success:.3f} in {ratio:.2f} of its time")
+            if said:
+                where = f"{key[0]}, {key[1]}, {key[2]:.0%}"
+                print(f"  {where:24}{row.label:64}{', '.join(said)}")
 
 
-def draw(rows: list[tuple], path: Path) -> None:
-    """Draw success over the mismatch share, a panel a camera and number of correspondences."""
-    figure = Figure(figsize=(10.0, 10.5), layout="constrained")
+def draw(rows: Sequence[Row], path: Path) -> None:
+    """Draw success over the mismatches, a panel a camera and number of correspondences."""
+    figure: Figure = new_figure(11.0, 11.5)
     axes = figure.subplots(2, 2, sharex=True, sharey=True)
-    for across, condition in zip(axes.T, dict.fromkeys(row[0] for row in rows), strict=True):
+    conditions = list(dict.fromkeys(row.condition for row in rows))
+    for across, condition in zip(axes.T, conditions, strict=True):
         for panel, count in zip(across, COUNTS, strict=True):
-            own = [row for row in rows if row[0] == condition and row[3] == count]
-            for k, (origin, name) in enumerate(dict.fromkeys((row[1], row[2]) for row in own)):
-                x = [100 * row[4] for row in own if row[1:3] == (origin, name)]
-                y = [row[6] for row in own if row[1:3] == (origin, name)]
-                style = {"lw": 2.5, "color": "k"} if k == 0 else {"lw": 1.2}
-                dashed = "-" if origin == "pflut" else "--"
-                label = f"{name} ({origin})" if origin != "pflut" else name
-                panel.plot(x, y, dashed, marker=".", label=label, **style)
+            own = [row for row in rows if row.condition == condition and row.count == count]
+            for k, label in enumerate(dict.fromkeys(row.label for row in own)):
+                cells = [row for row in own if row.label == label]
+                panel.plot(
+                    [100 * cell.share for cell in cells],
+                    [cell.success for cell in cells],
+                    "-" if cells[0].origin == "pflut" else "--",
+                    marker="os^Dvx+<>p*"[k % 11],
+                    ms=4,
+                    color="k" if k == 0 else CYCLE[(k - 1) % (len(CYCLE) - 1)],
+                    lw=2.5 if k == 0 else 1.1,
+                    label=label,
+                )
             panel.set(title=f"{condition}, {count} correspondences", ylim=(0, 1.02))
-            panel.grid(alpha=0.3)
+            tidy(panel)
         across[-1].set_xlabel("mismatches [%]")
-        across[-1].legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.16))
+        across[-1].legend(
+            fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.14), frameon=False
+        )
     for panel in axes[:, 0]:
         panel.set_ylabel("share of pairs within 0.1 rad")
     save_figure(figure, path)
+
+
+def tune(pairs: int, folder: Path) -> None:
+    """Show which thresholds are best, on other pairs than those that are reported."""
+    cells = ((25, 0.5), (100, 0.5), (100, 0.8))
+    print(f"success at 25, 50 % / 100, 50 % / 100, 80 %; {pairs} pairs, seed 2; * as reported")
+    for condition in CONDITIONS:
+        for (name, origin), (settings, best) in at_their_best(condition, folder).items():
+            for factor in TRIED:
+                peer = Peer(name, origin, settings(factor * best))
+                runs = [run_cell(condition, peer, *cell, pairs, np.inf, seed=2) for cell in cells]
+                found = " / ".join(f"{row.success:.2f}" for row, _ in runs)
+                mark = "*" if factor == 1.0 else " "
+                print(f"{condition:13}{origin:18}{name.format(factor * best):44}{mark} {found}")
 
 
 def main() -> None:
     """Run everything."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="20 pairs a cell")
-    parser.add_argument("--pairs", type=int, default=1000, help="a cell; slow peers get a tenth")
+    parser.add_argument("--pairs", type=int, default=1000, help="a cell, at most")
+    parser.add_argument(
+        "--seconds", type=float, default=5.0, help="a cell; who is slower gets fewer pairs"
+    )
+    parser.add_argument(
+        "--programs", type=Path, default=Path("build"), help="where sims/cpp was built"
+    )
+    parser.add_argument("--tune", action="store_true", help="try thresholds on 40 pairs a cell")
     parser.add_argument("--output", type=Path, default=Path("results/peers"))
     arguments = parser.parse_args()
     if os.environ.get("OMP_NUM_THREADS") != "1":
         print("note: with OMP_NUM_THREADS=1 all run on one core")
     cv2.setNumThreads(1)
-    pairs = 20 if arguments.quick else arguments.pairs
-    arguments.output.mkdir(parents=True, exist_ok=True)
     for name, module in (("poselib", poselib), ("pycolmap", pycolmap)):
         if module is None:
             print(f"left out: {name} is not installed (pip install {name})")
-    conditions = {
-        "panoramas": (peers_of_panoramas(), PANORAMAS),
-        "perspective": (peers_of_images(), IMAGES),
-    }
-    rows = []
-    total = sum(len(peers) for peers, _ in conditions.values()) * len(COUNTS) * len(SHARES)
-    with tqdm(total=total, unit="cell", disable=None) as bar:
-        for condition, (peers, simulator) in conditions.items():
-            rows += measure(condition, peers, simulator, pairs, bar)
-    for condition in conditions:
-        show(condition, [row for row in rows if row[0] == condition])
-    columns = ("condition", "origin", "estimator", "correspondences", "mismatch", "pairs")
-    with (arguments.output / "peers.csv").open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow((*columns, "success", "median_rad", "microseconds"))
-        writer.writerows(rows)
+    for file in ("poselib_planar", "opengv_peers"):
+        if not (arguments.programs / file).is_file():
+            print(f"left out: {arguments.programs / file} is not there (sims/cpp/CMakeLists.txt)")
+    if arguments.tune:
+        tune(40, arguments.programs)
+        return
+    pairs = 20 if arguments.quick else arguments.pairs
+    budget = 0.1 if arguments.quick else arguments.seconds
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    cells = [
+        (condition, peer, count, share)
+        for condition in CONDITIONS
+        for count in COUNTS
+        for share in SHARES
+        for peer in everybody(condition, arguments.programs)
+    ]
+    measured = [run_cell(*cell, pairs, budget) for cell in tqdm(cells, unit="cell", disable=None)]
+    rows = [row for row, _ in measured]
+    show(rows)
+    show_where_not_best(measured)
+    write_csv(arguments.output / "peers.csv", COLUMNS, rows)
     draw(rows, arguments.output / "peers.png")
     print(f"\nwritten: {arguments.output}")
 
