@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from pflut.likelihood.files import load_table as load_table
     from pflut.likelihood.table import LikelihoodTable as LikelihoodTable
     from pflut.localization.estimate import Estimate as Estimate
+    from pflut.localization.filter_state import FilterState as FilterState
     from pflut.localization.global_search import GlobalSearch as GlobalSearch
     from pflut.localization.localizer import Localizer as Localizer
     from pflut.localization.motion import DifferentialDrive as DifferentialDrive
@@ -55,6 +56,7 @@ _NAMES = {
     "DifferentialDrive": "localization.motion",
     "Estimate": "localization.estimate",
     "FeatureExtractor": "features",
+    "FilterState": "localization.filter_state",
     "Features": "features",
     "GlobalSearch": "localization.global_search",
     "GridPosterior": "posterior",

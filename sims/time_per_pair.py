@@ -124,8 +124,8 @@ def draw(times: dict[str, float], errors: dict[str, PairErrors]) -> Figure:
             axes.plot(x, y, style, color=color, markersize=size, linewidth=1.0, label=label)
             for name, place in zip(names, zip(x, y, strict=True), strict=True):
                 number = "".join(filter(str.isdigit, name)) if len(names) > 1 else ""
-                # off the line, which falls on the left and rises on the right
-                offset = (0, 7) if style != "D-" else (-9 if axes is left else 9, -9)
+                # beside its mark, or off the line, which falls on the left and rises on the right
+                offset = (9, -3) if style != "D-" else (-9 if axes is left else 9, -9)
                 axes.annotate(
                     number, place, offset, textcoords="offset points", ha="center", fontsize=8
                 )

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from pflut.geometry import FloatArray, as_poses, wrap_to_pi
 from pflut.localization.estimate import METHODS, Estimate, summarize
+from pflut.localization.filter_state import FilterState
 from pflut.localization.motion import MotionModel
 from pflut.localization.resampling import Resampler, get_resampler, take
 from pflut.localization.tempering import tempering_exponent
@@ -308,6 +309,39 @@ class ParticleFilter:
         normals = self.rng.standard_normal((self.num_particles, 3))
         spread = axes * np.sqrt(np.maximum(variances, 0.0))
         self.initialize(center + np.einsum("ik,jk->ij", normals, spread))
+
+    def state(self) -> FilterState:
+        """Give all that the filter has become, to be saved and resumed to the last bit.
+
+        Returns
+        -------
+        FilterState
+            ``state.save(path)``, later ``pf.restore(FilterState.load(path))``.
+
+        Raises
+        ------
+        ValueError
+            If the filter is not initialised.
+        """
+        generator = dict(self.rng.bit_generator.state)
+        return FilterState(self.poses, self._weights, generator, self.degenerate_updates)
+
+    def restore(self, state: FilterState) -> None:
+        """Go on from a state, with the models and options that this filter was made with.
+
+        Parameters
+        ----------
+        state : FilterState
+            Of a filter with the same ones: what follows is then the same to the last bit.
+
+        Raises
+        ------
+        ValueError
+            If the state is of no random generator that NumPy has.
+        """
+        self.rng = state.random_generator()
+        self._poses, self._weights = state.poses, state.weights
+        self.degenerate_updates = state.degenerate_updates
 
     @property
     def poses(self) -> FloatArray:
