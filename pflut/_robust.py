@@ -25,6 +25,21 @@ def uniform(state):  # type: ignore[no-untyped-def]
 
 
 @jit
+def seed_of(columns, seed):  # type: ignore[no-untyped-def]
+    """Give a pair's own seed: of the user's, and of its bearings (8, n).
+
+    Pairs whose true matches stand at the same places must not have the same samples, or luck would
+    decide for all of them at once; and one pair has the same ones alone and among others.
+    """
+    total = 0.0
+    for i in range(columns.shape[1]):
+        for k in range(8):
+            total += (k + 1.0) * columns[k, i]
+    total = abs(total) * 1e6
+    return seed + np.uint64((total - np.floor(total)) * 9007199254740992.0)
+
+
+@jit
 def iterations_needed(inliers, pool_size, sample_size, confidence):  # type: ignore[no-untyped-def]
     """Give the iterations after which a sample of inliers has been drawn with confidence."""
     share = 1.0

@@ -125,17 +125,28 @@ def compare_estimators(
     truth = np.asarray(headings, dtype=np.float64)
     if truth.shape != (len(pairs), 2):
         raise ValueError(f"headings: expected shape ({len(pairs)}, 2), got {truth.shape}")
+    if not np.isfinite(truth).all():
+        raise ValueError("headings: expected finite radians")
     compared = {}
     for name, estimate in estimators.items():
         estimate(pairs[:2])
         start = process_time()
         poses = estimate(pairs)
         seconds = (process_time() - start) / max(len(pairs), 1)
-        found = np.array([[pose.heading_l, pose.heading_r] for pose in poses]).reshape(-1, 2)
+        if len(poses) != len(pairs):
+            raise ValueError(f"{name}: expected {len(pairs)} poses, one a pair, got {len(poses)}")
+        found = np.array([_headings(pose) for pose in poses]).reshape(-1, 2)
         compared[name] = PairErrors.of(found, truth, seconds)
         if progress is not None:
             progress(name)
     return compared
+
+
+def _headings(pose: HasHeadings) -> tuple[float, float]:
+    """Give the headings of an answer, NaN of a `RelativePose` that nothing agrees with."""
+    if isinstance(pose, RelativePose) and pose.num_inliers == 0 and not pose.success:
+        return np.nan, np.nan
+    return pose.heading_l, pose.heading_r
 
 
 def by_table(table: LikelihoodTable | DenseTable, **options: Any) -> OwnEstimator:

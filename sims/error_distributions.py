@@ -24,7 +24,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from pflut import Correspondences, CorrespondenceSimulator, DenseTable, LikelihoodTable
+from pflut import CorrespondenceSimulator, DenseTable, LikelihoodTable
 from pflut._files import write_csv
 from pflut.comparison import (
     MAX_HEADING_ERROR,
@@ -114,8 +114,7 @@ def main() -> None:
     with tqdm(total=len(COUNTS) * len(compared_ones), unit="estimator", disable=None) as bar:
         for count in COUNTS:
             simulator = CorrespondenceSimulator(mismatch=mismatch)
-            headings, bearings = simulator.sample(pairs, count, rng=1)
-            made = [Correspondences(*pair.T) for pair in bearings]
+            made, headings = simulator.pairs(pairs, count, rng=1)
             compared = compare_estimators(
                 compared_ones, made, headings, progress=lambda _: bar.update()
             )

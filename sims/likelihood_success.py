@@ -125,8 +125,7 @@ def measure(
     """Run estimators on the same pairs of each cell (correspondences, share of mismatches)."""
     measured = []
     for count, share in tqdm(list(cells), desc=condition, unit="cell", disable=None):
-        headings, bearings = replace(simulator, mismatch=share).sample(pairs, count, rng=SEED)
-        made = [Correspondences(*pair.T) for pair in bearings]
+        made, headings = replace(simulator, mismatch=share).pairs(pairs, count, rng=SEED)
         for name, errors in compare_estimators(estimators, made, headings).items():
             measured.append(Cell(condition, name, count, share, errors.heading))
     return measured
@@ -406,8 +405,7 @@ def search(pairs: int, quick: bool, output: Path) -> list[tuple[Any, ...]]:
     cells = [(*run[:3], *cell, run[4]) for run in runs for cell in run[3]]
     rows = []
     for name, table, simulator, count, share, fine in tqdm(cells, desc="search", disable=None):
-        headings, bearings = replace(simulator, mismatch=share).sample(pairs, count, rng=SEED)
-        given = [Correspondences(*pair.T) for pair in bearings]
+        given, headings = replace(simulator, mismatch=share).pairs(pairs, count, rng=SEED)
         best, highest = exhaustive(given, table, fine)
         reachable = (np.abs(wrap_to_pi(best - headings)).max(axis=1) < MAX_HEADING_ERROR).mean()
         for bins, candidates in tried:

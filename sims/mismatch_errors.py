@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from pflut import Correspondences, CorrespondenceSimulator, DenseTable, LikelihoodTable
+from pflut import CorrespondenceSimulator, DenseTable, LikelihoodTable
 from pflut._files import write_csv
 from pflut.comparison import (
     PAPER_RANSAC,
@@ -112,8 +112,7 @@ def main() -> None:
             by_share = []
             for mismatch in MISMATCHES:
                 simulator = CorrespondenceSimulator(mismatch=mismatch)
-                headings, bearings = simulator.sample(pairs, count, rng=1)
-                made = [Correspondences(*pair.T) for pair in bearings]
+                made, headings = simulator.pairs(pairs, count, rng=1)
                 by_share.append(
                     compare_estimators(
                         compared_ones, made, headings, progress=lambda _: bar.update()

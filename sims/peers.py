@@ -65,7 +65,7 @@ CONDITIONS = {
         field_of_view=(np.radians(90), np.radians(70)), noise=PIXEL
     ),
 }
-FEWEST = 3
+FEWEST = 20
 """Pairs of a cell, however slow an estimator is."""
 CLOSE = 0.05
 """A peer whose success comes within this share of pflut's is as good."""
@@ -385,11 +385,11 @@ def run_cell(
 ) -> tuple[Row, PairErrors]:
     """Run one estimator on the pairs of one cell, on as many as it can in so many seconds."""
     simulator = replace(CONDITIONS[condition], mismatch=share)
-    headings, bearings = simulator.sample(pairs, count, rng=seed)
-    made = [Correspondences(*pair.T) for pair in bearings]
+    made, headings = simulator.pairs(pairs, count, rng=seed)
     peer.measure(made[:1], headings[:1])  # compiles
     seconds = peer.measure(made[:1], headings[:1]).seconds
-    used = int(min(max(budget / max(seconds, 1e-9), FEWEST), pairs))
+    fewest = min(FEWEST, pairs // 6)
+    used = int(min(max(budget / max(seconds, 1e-9), fewest), pairs))
     errors = peer.measure(made[:used], headings[:used])
     rate = success_rate(errors.found)
     medians = [float(np.median(e)) for e in (errors.heading, errors.heading_l, errors.heading_r)]

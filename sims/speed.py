@@ -57,8 +57,8 @@ def seconds(*functions: Callable[[], object], repeats: int = 15) -> list[float]:
 
 def simulated(count: int, share: float, pairs: int) -> tuple[np.ndarray, list[Correspondences]]:
     """Give true headings (pairs, 2) and correspondences, with seed 1."""
-    headings, bearings = CorrespondenceSimulator(mismatch=share).sample(pairs, count, rng=1)
-    return headings, [Correspondences(*pair.T) for pair in bearings]
+    made, headings = CorrespondenceSimulator(mismatch=share).pairs(pairs, count, rng=1)
+    return headings, made
 
 
 def posterior_grids(table: LikelihoodTable, dense: DenseTable, pairs: int) -> None:

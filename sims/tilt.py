@@ -23,7 +23,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from pflut import Correspondences, CorrespondenceSimulator, DenseTable, LikelihoodTable
+from pflut import CorrespondenceSimulator, DenseTable, LikelihoodTable
 from pflut._files import write_csv
 from pflut.comparison import (
     MAX_HEADING_ERROR,
@@ -109,8 +109,7 @@ def main() -> None:
     with tqdm(total=len(TILTS) * len(compared), unit="estimator", disable=None) as bar:
         for tilt in TILTS:
             simulator = CorrespondenceSimulator(mismatch=0.6, max_tilt=tilt)
-            headings, bearings = simulator.sample(pairs, 100, rng=1)
-            made = [Correspondences(*pair.T) for pair in bearings]
+            made, headings = simulator.pairs(pairs, 100, rng=1)
             for name, errors in compare_estimators(
                 compared, made, headings, progress=lambda _: bar.update()
             ).items():

@@ -151,8 +151,7 @@ def main() -> None:
     arguments.output.mkdir(parents=True, exist_ok=True)
     pairs, repeats = (300, 15) if arguments.quick else (2_000, 31)
     compared = estimators(arguments.quick)
-    headings, bearings = CorrespondenceSimulator(mismatch=MISMATCH).sample(pairs, COUNT, rng=1)
-    made = [Correspondences(*pair.T) for pair in bearings]
+    made, headings = CorrespondenceSimulator(mismatch=MISMATCH).pairs(pairs, COUNT, rng=1)
     # in turn, so that what else the machine does meets all of them
     runs = [
         compare_estimators(compared, made, headings)

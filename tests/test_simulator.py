@@ -326,3 +326,19 @@ def test_pair_is_a_sample() -> None:
 def test_misuse_names_the_option(options: dict) -> None:
     with pytest.raises(ValueError, match=f"^{next(iter(options))}: expected"):
         CorrespondenceSimulator(**options)
+
+
+def test_pairs_are_the_samples_in_no_order() -> None:
+    simulator = CorrespondenceSimulator(mismatch=0.5)
+    headings, bearings = simulator.sample(200, 10, rng=3)
+    pairs, truth = simulator.pairs(200, 10, rng=3)
+    np.testing.assert_array_equal(truth, headings)
+    places = []
+    for c, rows in zip(pairs, bearings, strict=True):
+        found = np.stack([c.azimuth_l, c.elevation_l, c.azimuth_r, c.elevation_r], axis=1)
+        order = [int(np.abs(rows - row).sum(axis=1).argmin()) for row in found]
+        assert sorted(order) == list(range(10))
+        places += [k for k, place in enumerate(order) if place < 5]
+    # mismatches stand anywhere: five standard deviations of a binomial at each of ten places
+    assert np.abs(np.bincount(places, minlength=10) - 100).max() < 5 * np.sqrt(200 * 0.25)
+    assert simulator.pairs(0, 10)[0] == []

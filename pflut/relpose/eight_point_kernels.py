@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from pflut._jit import jit
-from pflut._robust import TUKEY, iterations_needed, robust_weight, uniform
+from pflut._robust import TUKEY, iterations_needed, robust_weight, seed_of, uniform
 
 SAMPLE_SIZE = 8
 BLOCK = 8
@@ -427,7 +427,7 @@ def agreeing_by_chance(rays, n, pose, threshold, shifts, shifted):  # type: igno
 def estimate_many(  # type: ignore[no-untyped-def]
     columns, first, seed, options, polish, shifts, headings, found
 ):
-    """Estimate the poses of many pairs: `search`, then `refine`; each with the same random numbers.
+    """Estimate the poses of many pairs: `search`, then `refine`; each with its own random numbers.
 
     Pair k has the columns ``first[k]`` to ``first[k + 1]`` of ``columns`` (8, n): sines and cosines
     of azimuth_l, elevation_l, azimuth_r, elevation_r. ``seed`` (1,) uint64; ``polish``: the loss,
@@ -452,7 +452,7 @@ def estimate_many(  # type: ignore[no-untyped-def]
                 rays[3 * view, i] = cos_el * cos_az
                 rays[3 * view + 1, i] = cos_el * sin_az
                 rays[3 * view + 2, i] = sin_el
-        state[:] = seed
+        state[0] = seed_of(pair, seed[0])
         iterations[k] = search(rays, n, state, options, np.empty(n, np.int64), scratch, pose)
         inliers[k] = agreeing[k] = 0
         squares[k] = 0.0

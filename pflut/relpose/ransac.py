@@ -136,7 +136,8 @@ def ransac_relative_poses(
     solver, threshold, max_iterations, scoring, local_optimization, confidence, gate_samples, loss
         See `ransac_relative_pose`.
     noise, rng
-        See `ransac_relative_pose`. Each pair has the same random numbers.
+        See `ransac_relative_pose`. Each pair has random numbers of its own: of the seed, and of
+        its bearings.
 
     Returns
     -------

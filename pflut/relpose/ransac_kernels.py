@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pflut._jit import jit
-from pflut._robust import TUKEY, iterations_needed, robust_weight, uniform
+from pflut._robust import TUKEY, iterations_needed, robust_weight, seed_of, uniform
 
 SIN_L, COS_L, SIN_R, COS_R, SCALE_L, SCALE_R, GRADIENT, GRADIENT_L, GRADIENT_R = range(9)
 NUM_ROWS = 9
@@ -302,10 +302,10 @@ def search(columns, state, options, work, headings):  # type: ignore[no-untyped-
 
 @jit
 def search_many(columns, first, seed, sample_size, options, headings, iterations):  # type: ignore[no-untyped-def]
-    """Find the cheapest models of many pairs, as `search`, each with the same random numbers.
+    """Find the cheapest models of many pairs, as `search`, each with random numbers of its own.
 
-    Pair k has the columns ``first[k]`` to ``first[k + 1]`` of ``columns`` (8, n). ``seed`` uint64;
-    ``sample_size`` 2 or 3; ``headings`` (pairs, 2) and ``iterations`` (pairs,) out.
+    Pair k has the columns ``first[k]`` to ``first[k + 1]`` of ``columns`` (8, n). ``seed`` (1,)
+    uint64; ``sample_size`` 2 or 3; ``headings`` (pairs, 2) and ``iterations`` (pairs,) out.
     """
     samples, state = np.empty(sample_size, np.int64), seed.copy()
     for k in range(headings.shape[0]):
@@ -313,6 +313,6 @@ def search_many(columns, first, seed, sample_size, options, headings, iterations
         # of its own size each, so that the loop over it is contiguous
         rows = np.empty((NUM_ROWS, (n + BLOCK - 1) // BLOCK * BLOCK))
         work = (rows, np.empty(n, np.int64), samples)
-        state[:] = seed
         pair = columns[:, first[k] : first[k + 1]]
+        state[0] = seed_of(pair, seed[0])
         iterations[k] = search(pair, state, options, work, headings[k])

@@ -187,6 +187,32 @@ class CorrespondenceSimulator:
         bearings[..., 1::2] = np.arctan(bearings[..., 1::2])
         return headings, bearings
 
+    def pairs(
+        self, num_pairs: int, num_correspondences: int, rng: np.random.Generator | int | None = None
+    ) -> tuple[list[Correspondences], FloatArray]:
+        """Simulate pairs for experiments with estimators: those of `sample`, in no order.
+
+        An estimator that starts with the same random numbers for every pair would else draw true
+        matches of all pairs or of none.
+
+        Parameters
+        ----------
+        num_pairs, num_correspondences : int
+            How many pairs, and how many correspondences each.
+        rng : numpy.random.Generator or int, optional
+
+        Returns
+        -------
+        pairs : list of Correspondences
+        headings : ndarray of shape (num_pairs, 2)
+            The true ``[heading_l, heading_r]``, radians in [0, 2 pi).
+        """
+        generator = np.random.default_rng(rng)
+        headings, bearings = self.sample(num_pairs, num_correspondences, generator)
+        order = generator.random(bearings.shape[:2]).argsort(axis=1)
+        mixed = np.take_along_axis(bearings, order[..., None], axis=1)
+        return [Correspondences(*pair.T) for pair in mixed], headings
+
     def pair(
         self, num_correspondences: int, rng: np.random.Generator | int | None = None
     ) -> tuple[Correspondences, float, float]:
