@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from time import process_time
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pflut.correspondences import Correspondences
 from pflut.evaluation import relative_pose_errors
-from pflut.geometry import FloatArray
+from pflut.geometry import TWO_PI, FloatArray
 from pflut.likelihood.dense import DenseTable
 from pflut.likelihood.table import LikelihoodTable
 from pflut.relpose.estimate import estimate_relative_pose
@@ -35,6 +35,13 @@ class HasHeadings(Protocol):
     @property
     def heading_r(self) -> float:
         """Direction from R to L in R's frame."""
+
+
+class Headings(NamedTuple):
+    """The least that an estimator answers with, radians; NaN where it finds nothing."""
+
+    heading_l: float = np.nan
+    heading_r: float = np.nan
 
 
 Estimator = Callable[[Sequence[Correspondences]], Sequence[HasHeadings]]
@@ -166,6 +173,26 @@ def by_table(table: LikelihoodTable | DenseTable, **options: Any) -> OwnEstimato
     if isinstance(table, DenseTable):
         return lambda pairs: [estimate_relative_pose(pair, table, **options) for pair in pairs]
     return lambda pairs: estimate_relative_poses(pairs, table, **options)
+
+
+def by_maximum(table: DenseTable) -> Estimator:
+    """Make the paper's estimator: the centre of the highest cell, and nothing else.
+
+    Parameters
+    ----------
+    table : DenseTable
+
+    Returns
+    -------
+    callable
+    """
+
+    def estimate(pairs: Sequence[Correspondences]) -> list[Headings]:
+        width = TWO_PI / table.bins
+        cells = [divmod(int(table.log_likelihood_grid(p).argmax()), table.bins) for p in pairs]
+        return [Headings((row + 0.5) * width, (column + 0.5) * width) for row, column in cells]
+
+    return estimate
 
 
 def by_ransac(**options: Any) -> OwnEstimator:

@@ -38,7 +38,7 @@ from tqdm import tqdm
 
 from pflut import Correspondences, CorrespondenceSimulator, LikelihoodTable, refine_relative_pose
 from pflut._files import write_csv
-from pflut.comparison import Estimator, PairErrors, by_ransac, by_table
+from pflut.comparison import Estimator, Headings, PairErrors, by_ransac, by_table
 from pflut.likelihood.table import bearing_columns
 from pflut.plot import save_figure
 from pflut.plot.style import CYCLE, new_figure, tidy
@@ -81,13 +81,6 @@ CAMERA = {
 
 TRIED = (0.33, 0.67, 1.0, 1.5, 2.0)
 """Factors of the thresholds that are reported."""
-
-
-class Headings(NamedTuple):
-    """What a peer finds, radians; NaN where it finds nothing."""
-
-    heading_l: float = np.nan
-    heading_r: float = np.nan
 
 
 Measure = Callable[[Sequence[Correspondences], np.ndarray], PairErrors]

@@ -36,7 +36,7 @@ from distance_errors import (
 
 from pflut import LikelihoodTable, load_dataset
 from pflut._files import write_csv
-from pflut.comparison import Estimator, by_table
+from pflut.comparison import Estimator, by_maximum, by_table
 from pflut.datasets import load_simulated_home
 from pflut.likelihood.dense import DenseTable
 from pflut.plot import save_figure
@@ -69,8 +69,8 @@ def main() -> None:
         # not blurred, as the paper's: that costs coarse cells more than it gives
         learned = DenseTable.from_pairs(known, bins=bins, blur=0.0, source=homes)
         simulated = DenseTable.default(bins=bins)
-        estimators[f"LUT {bins}, simulator"] = by_table(simulated, polish=False)
-        estimators[f"LUT {bins}, homes"] = by_table(learned, polish=False)
+        estimators[f"LUT {bins}, simulator"] = by_maximum(simulated)
+        estimators[f"LUT {bins}, homes"] = by_maximum(learned)
     estimators |= best_noises({THREE_POINT: ransacs()[THREE_POINT]}, train)
     estimators[OURS] = by_table(LikelihoodTable.default())
     estimators[f"{OURS}, homes"] = by_table(LikelihoodTable.from_pairs(known, source=homes))

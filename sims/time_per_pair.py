@@ -21,8 +21,6 @@ most.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -30,26 +28,23 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from pflut import (
-    Correspondences,
     CorrespondenceSimulator,
     DenseTable,
     LikelihoodTable,
-    RelativePose,
 )
 from pflut._files import write_csv
 from pflut.comparison import (
     PAPER_RANSAC,
     Estimator,
     PairErrors,
+    by_maximum,
     by_ransac,
     by_table,
     compare_estimators,
 )
 from pflut.evaluation import median_absolute_deviation
-from pflut.geometry import TWO_PI
 from pflut.plot import save_figure
 from pflut.plot.style import CYCLE, new_figure, tidy
-from pflut.relpose.result import no_pose
 
 COUNT, MISMATCH = 25, 0.8
 BINS = (128, 64, 32, 16)
@@ -65,23 +60,6 @@ PAPER_MS = {
 }
 COLUMNS = ("estimator", "ms", "least_ms", "paper_ms", "ratio_to_table", "ratio_to_3pt")
 COLUMNS += ("heading_median_deg", "heading_mad_deg", "found")
-
-
-def by_maximum(table: DenseTable) -> Estimator:
-    """Make an estimator of the paper's: the centre of the highest cell."""
-    unknown = no_pose()
-
-    def estimate(pairs: Sequence[Correspondences]) -> list[RelativePose]:
-        poses = []
-        for pair in pairs:
-            cell = int(table.log_likelihood_grid(pair).argmax())
-            heading_l, heading_r = (
-                (k + 0.5) * (TWO_PI / table.bins) for k in divmod(cell, table.bins)
-            )
-            poses.append(replace(unknown, heading_l=heading_l, heading_r=heading_r))
-        return poses
-
-    return estimate
 
 
 def learned(bins: int, quick: bool) -> DenseTable:

@@ -12,7 +12,9 @@ import pytest
 from pflut.comparison import (
     MAX_HEADING_ERROR,
     PAPER_RANSAC,
+    Headings,
     PairErrors,
+    by_maximum,
     by_ransac,
     by_table,
     compare_estimators,
@@ -90,9 +92,37 @@ def test_the_clock_counts_the_pairs_alone(simulated) -> None:
     assert 0.06 <= PAIRS * errors.seconds < 0.2
 
 
+def test_finding_nothing_is_no_answer() -> None:
+    """Zeros that a RANSAC gives then would be right where the truth is near zero."""
+    horizon = Correspondences([0.1, 0.9, 2.0], np.zeros(3), [1.1, 1.9, 4.0], np.zeros(3))
+    pairs = [Correspondences.empty(), horizon]
+    errors = compare_estimators({"2pt": by_ransac()}, pairs, [[0.0, 0.05]] * 2)["2pt"]
+    assert not errors.found.any()
+    assert (errors.heading == np.pi).all()
+    assert (errors.rotation == np.pi).all()
+
+
+def test_the_maximum_is_the_highest_cell_s_centre(dense_table: DenseTable, simulated) -> None:
+    pairs, headings = simulated
+    found = by_maximum(dense_table)(pairs)
+    for pose, pair in zip(found, pairs, strict=True):
+        cell = np.unravel_index(
+            dense_table.log_likelihood_grid(pair).argmax(), (dense_table.bins,) * 2
+        )
+        expected = (np.array(cell) + 0.5) * 2 * np.pi / dense_table.bins
+        assert tuple(pose) == pytest.approx(expected)
+    assert (
+        compare_estimators({"a": by_maximum(dense_table)}, pairs, headings)["a"].found.mean() > 0.8
+    )
+
+
 def test_misuse(simulated) -> None:
     pairs, headings = simulated
     with pytest.raises(ValueError, match=r"headings: expected shape \(30, 2\), got \(29, 2\)"):
         compare_estimators({"2pt": by_ransac()}, pairs, headings[1:])
+    with pytest.raises(ValueError, match="headings: expected finite radians"):
+        compare_estimators({"2pt": by_ransac()}, pairs[:1], [[0.0, np.nan]])
+    with pytest.raises(ValueError, match="mine: expected 30 poses, one a pair, got 1"):
+        compare_estimators({"mine": lambda some: [Headings(0.0, 0.0)]}, pairs, headings)
     with pytest.raises(ValueError, match="solver: expected one of"):
         compare_estimators({"2pt": by_ransac(solver="5pt")}, pairs, headings)

@@ -460,6 +460,19 @@ def test_rotation_of_a_turn_on_the_spot(solver: str) -> None:
         assert abs(wrap_to_pi(e.rotation - 0.3 * seed)) < 0.05
 
 
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_one_place_seen_twice_is_no_turn(solver: str) -> None:
+    """The same image twice: every direction is a solution of every sample, the rotation is zero."""
+    c, *_ = simulated(40, 3)
+    same = Correspondences(c.azimuth_l, c.elevation_l, c.azimuth_l, c.elevation_l)
+    e = ransac_relative_pose(same, solver=solver)
+    if solver == "2pt":
+        assert abs(e.rotation) < 1e-6
+        assert e.num_inliers == 40
+    else:  # three equations are one too many for a plane of solutions
+        assert_failed(e)
+
+
 # --- failure and misuse ---------------------------------------------------------------------------
 
 

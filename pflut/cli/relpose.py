@@ -236,7 +236,8 @@ def _compare(matches: Correspondences, table: LikelihoodTable | DenseTable, nois
         (pose,) = estimate([matches])
         spent = 1e3 * (perf_counter() - start)
         angles = np.degrees([pose.heading_l, pose.heading_r, pose.rotation])
-        line = "".join(f"{angle:10.2f}" for angle in angles)
+        nothing = pose.num_inliers == 0 and not pose.success
+        line = "".join(f"{'-' if nothing else f'{angle:.2f}':>10}" for angle in angles)
         said = "yes" if pose.success else "no"
         print(f"{name:16}{line}       {pose.num_inliers:9}{said:>9}{spent:8.2f}")
 

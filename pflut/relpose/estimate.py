@@ -63,7 +63,7 @@ def estimate_relative_pose(
     ----------
     O. Booij, B. Krose, Z. Zivkovic, "Efficient probabilistic planar robot motion estimation given
     pairs of images", RSS 2010, sections III and IV. Z. Zhang, "Parameter estimation techniques: a
-    tutorial with application to conic fitting", 1997 (the biweight).
+    tutorial with application to conic fitting", 1997.
     """
     if isinstance(likelihood, LikelihoodTable):
         if polish and posterior is None:

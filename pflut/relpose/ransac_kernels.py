@@ -152,6 +152,9 @@ def solve(rows, samples, models):  # type: ignore[no-untyped-def]
     discriminant = b * b - a * d
     if discriminant < 0.0:
         return 0
+    if max(abs(a), abs(b), abs(d)) < MIN_DETERMINANT * m23 * m23:
+        # of one place seen twice any direction will do
+        a, b, d, discriminant = 1.0, 0.0, 0.0, 0.0
     q = -b - np.copysign(np.sqrt(discriminant), b)
     for root in range(2):
         sine, cosine = (q, a) if root == 0 else (d, q)

@@ -24,9 +24,9 @@ class RelativePose:
         Direction from R to L in R's frame (phi), radians in (-pi, pi].
     covariance : ndarray of shape (2, 2)
         Of (heading_l, heading_r), radians squared: the inverse of the M-estimator's information
-        at the residuals' own spread, and the posterior's spread over the poses of the same
-        rotation. Never larger than that of uniform angles; on a turn on the spot the headings
-        have some of that, and their difference, the rotation, a small one.
+        at the residuals' own spread; where a table was asked, with the posterior's spread over the
+        poses of the same rotation. Never larger than that of uniform angles; on a turn on the spot
+        the headings have some of that, and their difference, the rotation, a small one.
     log_likelihood : float
         Log-likelihood ratio of the highest cell against uniform azimuths.
     log_evidence : float
@@ -34,8 +34,9 @@ class RelativePose:
     num_inliers : int
         Correspondences that agree with the pose, with positive depths.
     success : bool
-        False where the correspondences do not determine a pose: fewer than three agree, or no
-        more than coincidence would bring. The headings are then the best guess.
+        False where the correspondences do not determine a pose: fewer than three agree (with the
+        8-point RANSAC no more than eight), or no more than coincidence would bring. The headings
+        are then the best guess, zero where there is none.
     """
 
     heading_l: float
