@@ -217,7 +217,8 @@ def bootstrap_median_ratio(
     Parameters
     ----------
     errors, others : array_like of shape (n,)
-        Row by row of the same pair, drive or seed: they are drawn again together.
+        Row by row of the same pair, drive or seed: they are drawn again together. Rows with a NaN
+        are left out.
     level : float
         Of confidence, in (0, 1).
     resamples : int
@@ -241,6 +242,8 @@ def bootstrap_median_ratio(
         raise ValueError(
             f"errors, others: expected the same shape (n,), got {first.shape} and {second.shape}"
         )
+    known = ~(np.isnan(first) | np.isnan(second))
+    first, second = first[known], second[known]
     if not first.size:
         return np.nan, np.nan
     draws = np.random.default_rng(rng).integers(first.size, size=(resamples, first.size))

@@ -200,6 +200,12 @@ def test_medians_stand_in_panels_with_their_deviations(x):
     assert [text.get_text() for text in figure.legends[0].get_texts()] == list(drawn)
 
 
+def test_medians_of_nothing_are_refused():
+    for x, panels in (([], {"error [deg]": {}}), ([1.0], {})):
+        with pytest.raises(ValueError, match="expected at least one setting and one panel"):
+            plot_medians(x, panels, xlabel="x")
+
+
 def test_posterior_axes_are_theta_and_phi():
     log_prob = np.full((36, 36), -20.0)
     log_prob[3, 30] = -1.0  # heading_l 30 to 40 deg, heading_r 300 to 310 deg

@@ -545,3 +545,8 @@ def test_misuse(option: str, value: object) -> None:
     ):
         with pytest.raises(ValueError, match=f"^{option}: expected .*, got .*{value}"):
             call(**{option: value})
+
+
+def test_one_pair_is_no_sequence_of_pairs() -> None:
+    with pytest.raises(ValueError, match="pairs: expected a sequence of Correspondences"):
+        ransac_relative_poses(simulated(10, 0)[0])

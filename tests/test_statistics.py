@@ -90,6 +90,8 @@ def test_bootstrap_ratio_covers_the_ratio_of_medians():
     same = rng.exponential(size=20)
     assert bootstrap_median_ratio(same, 2.0 * same, rng=7) == (0.5, 0.5)
     assert np.isnan(bootstrap_median_ratio([], [])).all()
+    gaps = [*same, np.nan, 1.0], [*(2.0 * same), 1.0, np.nan]
+    assert bootstrap_median_ratio(*gaps, rng=7) == (0.5, 0.5)
     with pytest.raises(ValueError, match=r"expected the same shape \(n,\), got \(2,\) and \(1,\)"):
         bootstrap_median_ratio([1.0, 2.0], [1.0])
     with pytest.raises(ValueError, match="level: expected a confidence"):

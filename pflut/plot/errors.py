@@ -102,7 +102,14 @@ def plot_medians(
     Returns
     -------
     Figure
+
+    Raises
+    ------
+    ValueError
+        If there is no setting or no panel.
     """
+    if not len(x) or not panels:
+        raise ValueError("x, panels: expected at least one setting and one panel, got none")
     figure = new_figure(5.0 * len(panels), 4.4)
     named = isinstance(x[0], str)
     places = np.arange(len(x)) if named else np.asarray(x, dtype=np.float64)

@@ -149,6 +149,8 @@ def ransac_relative_poses(
     ValueError
         As `ransac_relative_pose`.
     """
+    if isinstance(pairs, Correspondences):
+        raise ValueError("pairs: expected a sequence of Correspondences, got those of one pair")
     sample_size = SAMPLE_SIZES.get(solver, 0)
     options = _checked(
         solver,
