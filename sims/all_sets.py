@@ -230,7 +230,7 @@ def main() -> None:
     paper = by_maximum(DenseTable.from_simulation(mismatches="simulated"))
     features = {"max_features": arguments.max_features}
     home_images = slice(None, None, 3) if quick else ALL
-    other_home = image_pairs(load_simulated_home(seed=OTHER_HOME), **features)
+    other_home = image_pairs(load_simulated_home(seed=OTHER_HOME), images=home_images, **features)
     homes: list[Measured] = []
     drives: list[Measured] = []
     seeds = arguments.homes[: 2 if quick else None]

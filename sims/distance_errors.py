@@ -66,7 +66,7 @@ FIGURES = {
     # the table and three points in the same colors as above
     "pflut": (LUT, OURS, THREE_POINT, LO_RANSAC, AZIMUTH, HOME),
 }
-#: Where noises are chosen, by all of its pairs: by a quarter of them luck does.
+#: Where noises are chosen, by all of its pairs (by a quarter of them luck has its say).
 OTHER_HOME = 0
 ALL = slice(None)
 STEP = 0.5  # metres
@@ -225,7 +225,7 @@ def main() -> None:
         "contrast_threshold": arguments.contrast_threshold,
         "max_features": arguments.max_features,
     }
-    other = image_pairs(load_simulated_home(seed=OTHER_HOME), **features)
+    other = image_pairs(load_simulated_home(seed=OTHER_HOME), images=drive, **features)
     estimators = {
         LUT: by_maximum(DenseTable.default()),
         OURS: by_table(LikelihoodTable.default()),
