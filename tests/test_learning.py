@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy import optimize
 
+from pflut._random import uniform
 from pflut.correspondences import Correspondences
 from pflut.geometry import TWO_PI, bearing_angles, wrap_to_2pi
 from pflut.likelihood.axes import (
@@ -32,7 +33,7 @@ from pflut.likelihood.pair_learning import (
     count_pairs,
     pose_weights,
 )
-from pflut.likelihood.residual_kernels import _uniform, count_chance, count_true
+from pflut.likelihood.residual_kernels import count_chance, count_true
 from pflut.likelihood.table import QUALITY_CELLS, LikelihoodTable, bearing_columns
 from pflut.simulation.correspondences import CorrespondenceSimulator
 
@@ -115,7 +116,7 @@ def test_count_chance_equals_its_naive_twin() -> None:
 def test_random_numbers_are_splitmix() -> None:
     state, random = np.array([7], np.uint64), naive.SplitMix(7)
     with np.errstate(over="ignore"):
-        assert [_uniform(state) for _ in range(50)] == [random.uniform() for _ in range(50)]
+        assert [uniform(state) for _ in range(50)] == [random.uniform() for _ in range(50)]
 
 
 def test_learning_does_not_depend_on_the_threads() -> None:

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from test_posterior import turn_on_the_spot
 
-from pflut._robust import TUKEY, iterations_needed, uniform
+from pflut._random import uniform
+from pflut._robust import TUKEY, iterations_needed
 from pflut.comparison import PAPER_RANSAC
 from pflut.correspondences import Correspondences
 from pflut.geometry import bearing_angles, relative_headings, wrap_to_2pi, wrap_to_pi

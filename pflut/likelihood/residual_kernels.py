@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pflut._jit import jit
+from pflut._random import uniform
 from pflut._trig import fast_sincos
 from pflut.geometry import TWO_PI
 from pflut.likelihood.axes import (
@@ -138,17 +139,6 @@ def _agreement(residual, row):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _uniform(state):  # type: ignore[no-untyped-def]
-    """Draw from [0, 1): splitmix64, as the simulator does."""
-    state[0] += np.uint64(0x9E3779B97F4A7C15)
-    z = state[0]
-    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    z = z ^ (z >> np.uint64(31))
-    return (z >> np.uint64(11)) * (1.0 / 9007199254740992.0)
-
-
-@jit
 def describe(slopes, out):  # type: ignore[no-untyped-def]
     """Turn ``slopes`` (n, 4) [azimuth_l, slope_l, azimuth_r, slope_r] into ``out`` (n, 8).
 
@@ -232,7 +222,7 @@ def count_chance(slopes, state, draws, lookup, band, bearings, inside, profile):
     for i in range(slopes.shape[0]):
         shape = shape_cell(slopes[i, 1], slopes[i, 3])
         for _ in range(draws):
-            theta, phi = TWO_PI * _uniform(state), TWO_PI * _uniform(state)
+            theta, phi = TWO_PI * uniform(state), TWO_PI * uniform(state)
             residual, step = coordinates(
                 bearings[i], np.sin(theta), np.cos(theta), np.sin(phi), np.cos(phi), ignored
             )

@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from pflut._jit import jit
-from pflut._robust import TUKEY, iterations_needed, robust_weight, seed_of, uniform
+from pflut._random import uniform
+from pflut._robust import TUKEY, iterations_needed, robust_weight, seed_of
 
 SAMPLE_SIZE = 8
 BLOCK = 8

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from pflut._jit import jit
-from pflut._robust import TUKEY, iterations_needed, robust_weight, seed_of, uniform
+from pflut._random import uniform
+from pflut._robust import TUKEY, iterations_needed, robust_weight, seed_of
 
 SIN_L, COS_L, SIN_R, COS_R, SCALE_L, SCALE_R, GRADIENT, GRADIENT_L, GRADIENT_R = range(9)
 NUM_ROWS = 9

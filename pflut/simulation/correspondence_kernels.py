@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from pflut._jit import jit
+from pflut._random import uniform
 from pflut._trig import fast_arctan2
 from pflut.geometry import TWO_PI
 
@@ -29,28 +30,17 @@ PAIRS_TRIED = 1000
 
 
 @jit
-def _uniform(state):  # type: ignore[no-untyped-def]
-    """Draw from [0, 1): splitmix64, a counter with a mixing function, cheap to start anywhere."""
-    state[0] += np.uint64(0x9E3779B97F4A7C15)
-    z = state[0]
-    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    z = z ^ (z >> np.uint64(31))
-    return (z >> np.uint64(11)) * (1.0 / 9007199254740992.0)
-
-
-@jit
 def _between(state, low, high):  # type: ignore[no-untyped-def]
     """Draw from [low, high)."""
-    return low + (high - low) * _uniform(state)
+    return low + (high - low) * uniform(state)
 
 
 @jit
 def _two_normals(state):  # type: ignore[no-untyped-def]
     """Draw two independent standard normals (Marsaglia's polar method)."""
     while True:
-        a = 2.0 * _uniform(state) - 1.0
-        b = 2.0 * _uniform(state) - 1.0
+        a = 2.0 * uniform(state) - 1.0
+        b = 2.0 * uniform(state) - 1.0
         s = a * a + b * b
         if 0.0 < s < 1.0:
             scale = np.sqrt(-2.0 * np.log(s) / s)
@@ -61,9 +51,9 @@ def _two_normals(state):  # type: ignore[no-untyped-def]
 def _ball_point(state, radius):  # type: ignore[no-untyped-def]
     """Draw a point uniform in a ball by rejection from the cube."""
     while True:
-        x = 2.0 * _uniform(state) - 1.0
-        y = 2.0 * _uniform(state) - 1.0
-        z = 2.0 * _uniform(state) - 1.0
+        x = 2.0 * uniform(state) - 1.0
+        y = 2.0 * uniform(state) - 1.0
+        z = 2.0 * uniform(state) - 1.0
         if x * x + y * y + z * z <= 1.0:
             return radius * x, radius * y, radius * z
 
@@ -74,9 +64,9 @@ def _box_point(state, room):  # type: ignore[no-untyped-def]
     west, east, south, north, floor, ceiling = room
     width, depth, height = east - west, north - south, ceiling - floor
     side, front, level = depth * height, width * height, width * depth
-    at = (side + front + level) * _uniform(state)
-    a = _uniform(state)
-    b = 2.0 * _uniform(state)
+    at = (side + front + level) * uniform(state)
+    a = uniform(state)
+    b = 2.0 * uniform(state)
     # selections instead of branches: which of the six it is cannot be predicted
     opposite = 1.0 if b >= 1.0 else 0.0
     b -= opposite
@@ -111,8 +101,8 @@ def _scene(state, box):  # type: ignore[no-untyped-def]
         x_r = _between(state, west + CLEARANCE, east - CLEARANCE)
         y_r = _between(state, south + CLEARANCE, north - CLEARANCE)
         return (west, east, south, north, floor, ceiling), x_l, y_l, x_r, y_r
-    angle_l = TWO_PI * _uniform(state)
-    angle_r = TWO_PI * _uniform(state)
+    angle_l = TWO_PI * uniform(state)
+    angle_r = TWO_PI * uniform(state)
     room = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     return room, np.cos(angle_l), np.sin(angle_l), np.cos(angle_r), np.sin(angle_r)
 
@@ -121,11 +111,11 @@ def _scene(state, box):  # type: ignore[no-untyped-def]
 def _pair(state, box, alike, max_turn, max_tilt):  # type: ignore[no-untyped-def]
     """Draw a room and two cameras, of any headings or looking alike; with the true headings."""
     room, x_l, y_l, x_r, y_r = _scene(state, box)
-    yaw_l = TWO_PI * _uniform(state)
-    turn = _uniform(state)
+    yaw_l = TWO_PI * uniform(state)
+    turn = uniform(state)
     yaw_r = yaw_l + max_turn * (2.0 * turn - 1.0) if alike else TWO_PI * turn
-    roll = max_tilt * (2.0 * _uniform(state) - 1.0)
-    pitch = max_tilt * (2.0 * _uniform(state) - 1.0)
+    roll = max_tilt * (2.0 * uniform(state) - 1.0)
+    pitch = max_tilt * (2.0 * uniform(state) - 1.0)
     camera_l = (x_l, y_l, np.cos(yaw_l), np.sin(yaw_l))
     camera_r = (
         x_r,
@@ -174,9 +164,9 @@ def _candidate(state, box, radius, room):  # type: ignore[no-untyped-def]
     if box:
         x, y, z = _box_point(state, room)
         return True, x, y, z
-    x = 2.0 * _uniform(state) - 1.0
-    y = 2.0 * _uniform(state) - 1.0
-    z = 2.0 * _uniform(state) - 1.0
+    x = 2.0 * uniform(state) - 1.0
+    y = 2.0 * uniform(state) - 1.0
+    z = 2.0 * uniform(state) - 1.0
     return x * x + y * y + z * z <= 1.0, radius * x, radius * y, radius * z
 
 
