@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import json
 import os
 import secrets
@@ -191,6 +192,15 @@ def read_arrays(path: str | os.PathLike[str], kind: str) -> dict[str, NDArray[An
         # ways, and what they say (to allow pickle, for one) helps nobody
         except Exception:
             raise ValueError(f"{path}: not a {kind} of pflut, or damaged") from None
+
+
+def checksum(text: str, arrays: Mapping[str, NDArray[Any]]) -> str:
+    """Give the SHA-256 of a text and of named arrays, their types and shapes included."""
+    digest = hashlib.sha256(text.encode())
+    for name in sorted(arrays):
+        digest.update(f"{name} {arrays[name].dtype} {arrays[name].shape}\n".encode())
+        digest.update(np.ascontiguousarray(arrays[name]).tobytes())
+    return digest.hexdigest()
 
 
 def refuse_rows(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from collections.abc import Mapping
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pflut._files import read_arrays, replacing
+from pflut._files import checksum, read_arrays, replacing
 
 FORMAT = "pflut likelihood table"
 VERSION = 2
@@ -19,11 +18,7 @@ _HEAD = ("format", "version", "kind", "learned_from", "checksum")
 
 
 def _checksum(kind: str, arrays: Mapping[str, NDArray[Any]], learned_from: str) -> str:
-    digest = hashlib.sha256(f"{kind}\n{learned_from}\n".encode())
-    for name in sorted(arrays):
-        digest.update(f"{name} {arrays[name].dtype} {arrays[name].shape}\n".encode())
-        digest.update(np.ascontiguousarray(arrays[name]).tobytes())
-    return digest.hexdigest()
+    return checksum(f"{kind}\n{learned_from}\n", arrays)
 
 
 def write_table(

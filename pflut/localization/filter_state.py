@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pflut._files import read_arrays, replacing
+from pflut._files import checksum, read_arrays, replacing
 from pflut.geometry import FloatArray, as_poses
 from pflut.localization.weights import Weights
 
@@ -61,7 +60,7 @@ class FilterState:
             "degenerate_updates": np.array(self.degenerate_updates, np.int64),
         }
         head = {"format": FORMAT, "version": VERSION, "generator": described}
-        head["checksum"] = _checksum(arrays, described)
+        head["checksum"] = checksum(described, arrays)
         entries: dict[str, Any] = {name: np.array(value) for name, value in head.items()}
         with replacing(path) as temporary, temporary.open("wb") as file:
             np.savez(file, **(entries | arrays))
@@ -91,8 +90,8 @@ class FilterState:
         version = str(stored.pop("version", None))
         if version != str(VERSION):
             raise ValueError(f"{path}: version {version}, expected {VERSION}")
-        described, checksum = (str(stored.pop(name, "")) for name in ("generator", "checksum"))
-        if checksum != _checksum(stored, described) or not stored.keys() >= set(_ARRAYS):
+        described, written = (str(stored.pop(name, "")) for name in ("generator", "checksum"))
+        if written != checksum(described, stored) or not stored.keys() >= set(_ARRAYS):
             raise ValueError(f"{path}: checksum does not match, the file is damaged")
         poses, log, linear, (effective, mean), count = (stored[name] for name in _ARRAYS)
         weights = Weights(log, linear, float(effective), float(mean))
@@ -112,14 +111,6 @@ class FilterState:
         bits = getattr(np.random, name)()
         bits.state = self.generator
         return np.random.Generator(bits)
-
-
-def _checksum(arrays: dict[str, Any], described: str) -> str:
-    digest = hashlib.sha256(described.encode())
-    for name in sorted(arrays):
-        digest.update(f"{name} {arrays[name].dtype} {arrays[name].shape}\n".encode())
-        digest.update(np.ascontiguousarray(arrays[name]).tobytes())
-    return digest.hexdigest()
 
 
 def _as_lists(state: Any) -> Any:

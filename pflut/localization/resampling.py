@@ -160,6 +160,20 @@ def _check(weights: ArrayLike, n: int) -> tuple[FloatArray, int, float]:
     return w, last, float(w.sum())
 
 
+def _whole_copies(weights: ArrayLike, n: int) -> tuple[IndexArray, FloatArray, int]:
+    """Give the whole copies that are expected, the rests, and how many copies are missing."""
+    w, _, total = _check(weights, n)
+    counts, residuals = np.empty(w.size, dtype=np.int32), np.empty(w.size)
+    return counts, residuals, n - _split_counts(w, total, n, counts, residuals)
+
+
+def _expanded(counts: IndexArray, n: int) -> IndexArray:
+    """Give each index as often as it counts, n in all."""
+    out = np.empty(n, dtype=np.int32)
+    _expand_counts(counts, out)
+    return out
+
+
 def systematic_indices(weights: ArrayLike, n: int, uniform: float) -> IndexArray:
     """Resample with a comb of n equal teeth, its random number in [0, 1) given.
 
@@ -290,15 +304,11 @@ def residual(
     ----------
     Liu, Chen, "Sequential Monte Carlo methods for dynamic systems" (1998).
     """
-    w, _, total = _check(weights, n)
-    counts = np.empty(w.size, dtype=np.int32)
-    residuals = np.empty(w.size)
-    drawn = n - _split_counts(w, total, n, counts, residuals)
-    if drawn > 0:
-        counts += np.bincount(multinomial(residuals, drawn, rng), minlength=w.size).astype(np.int32)
-    out = np.empty(n, dtype=np.int32)
-    _expand_counts(counts, out)
-    return out
+    counts, residuals, missing = _whole_copies(weights, n)
+    if missing > 0:
+        drawn = np.bincount(multinomial(residuals, missing, rng), minlength=counts.size)
+        counts += drawn.astype(np.int32)
+    return _expanded(counts, n)
 
 
 def ssp(weights: ArrayLike, n: int, rng: np.random.Generator | int | None = None) -> IndexArray:
@@ -331,14 +341,9 @@ def ssp(weights: ArrayLike, n: int, rng: np.random.Generator | int | None = None
     Gerber, Chopin, Whiteley, "Negative association, ordering and convergence of resampling
     methods", Annals of Statistics 47(4), 2019.
     """
-    w, _, total = _check(weights, n)
-    counts = np.empty(w.size, dtype=np.int32)
-    residuals = np.empty(w.size)
-    missing = n - _split_counts(w, total, n, counts, residuals)
-    _round_rests(residuals, missing, np.random.default_rng(rng).random(w.size), counts)
-    out = np.empty(n, dtype=np.int32)
-    _expand_counts(counts, out)
-    return out
+    counts, residuals, missing = _whole_copies(weights, n)
+    _round_rests(residuals, missing, np.random.default_rng(rng).random(counts.size), counts)
+    return _expanded(counts, n)
 
 
 def take(poses: FloatArray, indices: IndexArray) -> FloatArray:
