@@ -11,6 +11,8 @@ from pflut._jit import inline, jit
 
 TUKEY, HUBER, CAUCHY = range(3)
 """The losses."""
+CHEIRALITY_SLACK = 1e-3
+"""Near the base line the signs of depths are noise: so far behind a view still counts as before."""
 
 
 @jit

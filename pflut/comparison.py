@@ -79,15 +79,37 @@ class PairErrors:
     seconds: float
 
     @classmethod
-    def of(cls, found: ArrayLike, truth: ArrayLike, seconds: float) -> PairErrors:
-        """Compare headings ``[heading_l, heading_r]`` (n, 2) with the true ones, radians.
+    def of(cls, poses: Sequence[HasHeadings], truth: ArrayLike, seconds: float) -> PairErrors:
+        """Compare an estimator's answers with the true ``[heading_l, heading_r]`` (n, 2), radians.
 
-        Where a found one is NaN the errors are pi.
+        Where nothing was found (NaN, or a `RelativePose` that nothing agrees with) the errors are
+        pi.
         """
-        poses, headings = (np.asarray(given, dtype=np.float64) for given in (found, truth))
-        heading_l, rotation = relative_pose_errors(*poses.T, *headings.T)
-        heading_r, _ = relative_pose_errors(*poses.T[::-1], *headings.T[::-1])
+        found = np.array([_headings(pose) for pose in poses], dtype=np.float64).reshape(-1, 2)
+        headings = np.asarray(truth, dtype=np.float64)
+        heading_l, rotation = relative_pose_errors(*found.T, *headings.T)
+        heading_r, _ = relative_pose_errors(*found.T[::-1], *headings.T[::-1])
         return cls(heading_l, heading_r, rotation, seconds)
+
+    @classmethod
+    def together(cls, parts: Sequence[PairErrors]) -> PairErrors:
+        """Put the pairs of several sets into one; the time is that of the mean pair."""
+        return cls(
+            np.concatenate([part.heading_l for part in parts]),
+            np.concatenate([part.heading_r for part in parts]),
+            np.concatenate([part.rotation for part in parts]),
+            float(np.average([p.seconds for p in parts], weights=[len(p) for p in parts])),
+        )
+
+    def __len__(self) -> int:
+        """Return the number of pairs."""
+        return len(self.rotation)
+
+    def __getitem__(self, index: slice | NDArray[Any]) -> PairErrors:
+        """Select pairs by a slice, an index array or a mask."""
+        return PairErrors(
+            self.heading_l[index], self.heading_r[index], self.rotation[index], self.seconds
+        )
 
     @property
     def heading(self) -> FloatArray:
@@ -142,8 +164,7 @@ def compare_estimators(
         seconds = (process_time() - start) / max(len(pairs), 1)
         if len(poses) != len(pairs):
             raise ValueError(f"{name}: expected {len(pairs)} poses, one a pair, got {len(poses)}")
-        found = np.array([_headings(pose) for pose in poses]).reshape(-1, 2)
-        compared[name] = PairErrors.of(found, truth, seconds)
+        compared[name] = PairErrors.of(poses, truth, seconds)
         if progress is not None:
             progress(name)
     return compared

@@ -118,15 +118,7 @@ class Measured:
     def far(self) -> Measured:
         """The pairs that are farther apart."""
         chosen = self.distance > FAR
-        errors = {
-            name: PairErrors(
-                error.heading_l[chosen],
-                error.heading_r[chosen],
-                error.rotation[chosen],
-                error.seconds,
-            )
-            for name, error in self.errors.items()
-        }
+        errors = {name: error[chosen] for name, error in self.errors.items()}
         name = f"{self.name} beyond {FAR:g} m"
         return Measured(name, errors, self.distance[chosen], self.draws[:, chosen])
 
@@ -137,17 +129,7 @@ class Measured:
         for estimator in sets[0].errors:
             parts = [some.errors[estimator] for some in sets if estimator in some.errors]
             if len(parts) == len(sets):
-                errors[estimator] = PairErrors(
-                    np.concatenate([part.heading_l for part in parts]),
-                    np.concatenate([part.heading_r for part in parts]),
-                    np.concatenate([part.rotation for part in parts]),
-                    float(
-                        np.average(
-                            [part.seconds for part in parts],
-                            weights=[len(part.rotation) for part in parts],
-                        )
-                    ),
-                )
+                errors[estimator] = PairErrors.together(parts)
         return cls(
             name,
             errors,

@@ -111,8 +111,8 @@ def timed(
 ) -> PairErrors:
     """Run an estimator in this process."""
     start = process_time()
-    found = [[pose.heading_l, pose.heading_r] for pose in estimate(pairs)]
-    return PairErrors.of(found, headings, (process_time() - start) / len(pairs))
+    poses = estimate(pairs)
+    return PairErrors.of(poses, headings, (process_time() - start) / len(pairs))
 
 
 def one_by_one(
@@ -234,7 +234,8 @@ def program(
     given = f"{len(pairs)} {len(pairs[0])}\n".encode() + np.array(angles).tobytes()
     done = subprocess.run([path, *arguments], input=given, stdout=subprocess.PIPE, check=True)
     found = np.frombuffer(done.stdout).reshape(-1, 3)
-    return PairErrors.of(found[:, :2], headings, 1e-6 * float(found[:, 2].mean()))
+    poses = [Headings(*row) for row in found[:, :2]]
+    return PairErrors.of(poses, headings, 1e-6 * float(found[:, 2].mean()))
 
 
 # --- who takes part -------------------------------------------------------------------------------

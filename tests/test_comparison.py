@@ -36,7 +36,7 @@ def simulated() -> tuple[list[Correspondences], np.ndarray]:
 def test_errors_are_those_of_the_angles() -> None:
     truth = np.array([[0.1, 3.1], [1.0, 2.0], [0.0, 0.0]])
     found = np.array([[-0.1, -3.1], [1.05, 2.05], [np.nan, 0.0]])
-    errors = PairErrors.of(found, truth, 0.5)
+    errors = PairErrors.of([Headings(*row) for row in found], truth, 0.5)
     assert errors.heading_l == pytest.approx([0.2, 0.05, np.pi])
     assert errors.heading_r[:2] == pytest.approx([2 * np.pi - 6.2, 0.05])
     # psi = theta - phi + pi
@@ -45,6 +45,15 @@ def test_errors_are_those_of_the_angles() -> None:
     assert errors.found.tolist() == [False, True, False]
     assert MAX_HEADING_ERROR == 0.1
     assert errors.seconds == 0.5
+    # some of the pairs, and several sets together: the mean pair's time
+    some = errors[errors.found]
+    assert (len(some), some.rotation.tolist()) == (1, errors.rotation[1:2].tolist())
+    other = PairErrors.of([Headings(0.0, 0.0)], [[0.0, 0.3]], 0.9)
+    both = PairErrors.together([errors, other])
+    assert len(both) == 4
+    assert both.heading_r.tolist() == [*errors.heading_r, *other.heading_r]
+    assert both[:3].heading_l.tolist() == errors.heading_l.tolist()
+    assert both.seconds == pytest.approx(0.6)
 
 
 def test_all_kinds_of_estimators_are_compared_on_the_same_pairs(

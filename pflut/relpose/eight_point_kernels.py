@@ -12,12 +12,11 @@ import numpy as np
 
 from pflut._jit import jit
 from pflut._random import uniform
-from pflut._robust import TUKEY, iterations_needed, robust_weight, seed_of
+from pflut._robust import CHEIRALITY_SLACK, TUKEY, iterations_needed, robust_weight, seed_of
 
 SAMPLE_SIZE = 8
 BLOCK = 8
 """Correspondences scored at a time."""
-CHEIRALITY_SLACK = 1e-3
 MIN_PIVOT = 1e-9
 LOCAL_STEPS = 6
 LONGEST_STEP = 0.2

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from pflut._jit import jit
+from pflut._robust import CHEIRALITY_SLACK
 
 
 @jit
@@ -31,7 +32,7 @@ def _count_inliers(  # type: ignore[no-untyped-def]
         square = across_l**2 + upward_l**2 + across_r**2 + upward_r**2
         value = p * sin_u + q * sin_v
         apex = sin_u * cos_v - cos_u * sin_v
-        counts = (sin_u * apex >= -1e-3) & (sin_v * apex <= 1e-3)
+        counts = (sin_u * apex >= -CHEIRALITY_SLACK) & (sin_v * apex <= CHEIRALITY_SLACK)
         counts &= value * value < cutoff * cutoff * (square + 1e-24)
         inliers += 1.0 if counts else 0.0
     return int(inliers)

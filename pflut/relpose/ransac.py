@@ -9,14 +9,13 @@ import numpy as np
 from pflut.correspondences import Correspondences
 from pflut.likelihood.table import pair_columns
 from pflut.relpose.eight_point import eight_point_poses
+from pflut.relpose.judgement import INLIER_CUTOFF
 from pflut.relpose.ransac_kernels import search_many
 from pflut.relpose.refine import DEFAULT_LOSS, check_loss, refined_poses
 from pflut.relpose.result import RelativePose, no_pose
 
 SAMPLE_SIZES = {"2pt": 2, "3pt": 3, "8pt": 8}
 SCORINGS = ("msac", "inliers")
-THRESHOLD = 3.0
-"""Standard deviations of the noise."""
 
 Options = tuple[float, int, bool, bool, float, bool]
 
@@ -191,7 +190,7 @@ def _checked(
         if value not in known:
             raise ValueError(f"{name}: expected one of {', '.join(known)}, got {value!r}")
     check_loss(loss or DEFAULT_LOSS, noise)
-    threshold = THRESHOLD * noise if threshold is None else threshold
+    threshold = INLIER_CUTOFF * noise if threshold is None else threshold
     if not 0.0 < threshold < np.pi / 2:
         raise ValueError(f"threshold: expected radians in (0, pi/2), got {threshold}")
     if not 1 <= max_iterations < 2**31 or max_iterations != int(max_iterations):

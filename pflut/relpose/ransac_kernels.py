@@ -6,14 +6,13 @@ import numpy as np
 
 from pflut._jit import jit
 from pflut._random import uniform
-from pflut._robust import TUKEY, iterations_needed, robust_weight, seed_of
+from pflut._robust import CHEIRALITY_SLACK, TUKEY, iterations_needed, robust_weight, seed_of
 
 SIN_L, COS_L, SIN_R, COS_R, SCALE_L, SCALE_R, GRADIENT, GRADIENT_L, GRADIENT_R = range(9)
 NUM_ROWS = 9
 """Quantities of a correspondence that do not change with the pose, one row each."""
 BLOCK = 8
 """Correspondences scored at a time; the rows are filled up to a multiple of it."""
-CHEIRALITY_SLACK = 1e-3
 MIN_DETERMINANT = 1e-12
 LOCAL_STEPS = 6
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pflut._jit import jit
-from pflut._robust import TUKEY, robust_weight
+from pflut._robust import CHEIRALITY_SLACK, TUKEY, robust_weight
 
 
 @jit
@@ -34,7 +34,7 @@ def _residual(bearing, sin_theta, cos_theta, sin_phi, cos_phi, out):  # type: ig
     # The triangle L-R-landmark: u and -v have the same sign and |u| + |v| <= pi, that is
     # sin u sin(u - v) > 0 and sin v sin(u - v) < 0.
     apex = sin_u * cos_v - cos_u * sin_v
-    return sin_u * apex >= -1e-3 and sin_v * apex <= 1e-3
+    return sin_u * apex >= -CHEIRALITY_SLACK and sin_v * apex <= CHEIRALITY_SLACK
 
 
 @jit
@@ -79,7 +79,7 @@ def _refine(  # type: ignore[no-untyped-def]
                 residual = (p * sin_u + q * sin_v) * norm
                 by_theta, by_phi = p * cos_u * norm, q * cos_v * norm
                 apex = sin_u * cos_v - cos_u * sin_v
-                counts = (sin_u * apex >= -1e-3) & (sin_v * apex <= 1e-3)
+                counts = (sin_u * apex >= -CHEIRALITY_SLACK) & (sin_v * apex <= CHEIRALITY_SLACK)
                 counts &= residual * residual < scale * scale
                 weight = robust_weight(residual, loss, knee, scale) if counts else 0.0
                 inliers += 1.0 if counts else 0.0
