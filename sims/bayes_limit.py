@@ -20,7 +20,6 @@ seen in the table: the posterior mass that the estimator promises should be its 
 from __future__ import annotations
 
 import argparse
-import csv
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -28,6 +27,7 @@ import numpy as np
 from tqdm import tqdm
 
 from pflut import Correspondences, CorrespondenceSimulator, LikelihoodTable
+from pflut._files import write_csv
 from pflut._jit import jit
 from pflut._robust import TUKEY
 from pflut.geometry import TWO_PI, wrap_to_pi
@@ -362,12 +362,17 @@ def main() -> None:
         interval = f"{low:.3f} to {high:.3f}"
         shown = "" if np.isnan(mass) else f"{mass:.3f}"
         print(f"{name:16}{count:4}{share:10.2f}{rate:9.3f}{interval:>16}{shown:>10}")
-    with (arguments.output / "limit.csv").open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(
-            ("estimator", "correspondences", "mismatch", "pairs", "success", "low", "high", "mass")
-        )
-        writer.writerows(rows)
+    columns = (
+        "estimator",
+        "correspondences",
+        "mismatch",
+        "pairs",
+        "success",
+        "low",
+        "high",
+        "mass",
+    )
+    write_csv(arguments.output / "limit.csv", columns, rows)
     figure = new_figure(8.0, 4.0)
     axes = figure.subplots(1, 2, sharey=True)
     for panel, count in zip(axes, (25, 100), strict=True):

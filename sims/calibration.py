@@ -13,7 +13,6 @@ and two figures. What is not there (the real home) is skipped, and said so.
 from __future__ import annotations
 
 import argparse
-import csv
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise, product
@@ -33,6 +32,7 @@ from pflut import (
     fit_temperature,
     load_dataset,
 )
+from pflut._files import write_csv
 from pflut.datasets.base import Dataset
 from pflut.datasets.simulated_home import load_simulated_home
 from pflut.features import FeatureCache
@@ -245,10 +245,8 @@ def main() -> None:
     if not arguments.no_homes:
         results += homes(100 if arguments.quick else None)
     arguments.output.mkdir(parents=True, exist_ok=True)
-    with (arguments.output / "calibration.csv").open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(COLUMNS)
-        writer.writerows(row for result in results for row in result.rows())
+    rows = (row for result in results for row in result.rows())
+    write_csv(arguments.output / "calibration.csv", COLUMNS, rows)
     for name, wanted in (
         ("simulated", {"100, 50 % mismatches": 512, "100, 90 % mismatches": 512}),
         ("homes", {"home 0, fitted on home 1": 192, "real home, fitted on odd pairs": 192}),

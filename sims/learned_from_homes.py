@@ -10,7 +10,6 @@ table, writes a CSV.
 from __future__ import annotations
 
 import argparse
-import csv
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +18,7 @@ import numpy as np
 from tqdm import tqdm
 
 from pflut import FeatureExtractor, LikelihoodTable, estimate_relative_poses, load_dataset
+from pflut._files import write_csv
 from pflut.datasets import Dataset, load_simulated_home
 from pflut.evaluation import relative_pose_errors
 from pflut.features import FeatureCache
@@ -82,10 +82,8 @@ def main() -> None:
             f"{name:10}{label:28}{count:6} pairs, right {right:.3f}, rotation {rotation:6.2f} deg"
         )
     arguments.output.mkdir(parents=True, exist_ok=True)
-    with (arguments.output / "tables.csv").open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(("set", "table", "pairs", "right", "rotation_deg"))
-        writer.writerows(rows)
+    columns = ("set", "table", "pairs", "right", "rotation_deg")
+    write_csv(arguments.output / "tables.csv", columns, rows)
     print(f"written: {arguments.output}")
 
 

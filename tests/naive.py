@@ -326,6 +326,12 @@ def log_ratio(histogram, uniform):
 # --- the residual table ---------------------------------------------------------------------------
 
 
+def angles_of(correspondences):
+    """Bearings as rows: azimuth and elevation of L, then of R."""
+    c = correspondences
+    return np.stack([c.azimuth_l, c.elevation_l, c.azimuth_r, c.elevation_r], axis=1)
+
+
 def constraint(bearing, theta, phi):
     """The planar epipolar constraint at poses (arrays); bearing: azimuth and elevation of L, R."""
     azimuth_l, elevation_l, azimuth_r, elevation_r = bearing

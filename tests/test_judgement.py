@@ -5,6 +5,7 @@ from __future__ import annotations
 import naive
 import numpy as np
 import pytest
+from naive import angles_of
 from scipy import stats
 
 from pflut.correspondences import Correspondences
@@ -15,16 +16,8 @@ from pflut.relpose.result import UNIFORM_VARIANCE
 from pflut.simulation.correspondences import CorrespondenceSimulator
 
 
-def angles_of(c: Correspondences) -> np.ndarray:
-    return np.stack([c.azimuth_l, c.elevation_l, c.azimuth_r, c.elevation_r], axis=1)
-
-
-def columns_of(c: Correspondences) -> np.ndarray:
-    return bearing_columns(c)
-
-
 def judged(pairs: list[Correspondences], poses, cutoff: float, shifts: int) -> tuple:
-    columns = np.concatenate([columns_of(c) for c in pairs], axis=1)
+    columns = np.concatenate([bearing_columns(c) for c in pairs], axis=1)
     first = np.cumsum([0, *map(len, pairs)])
     inliers, alarms = np.full(len(pairs), -1), np.full(len(pairs), np.nan)
     judge(columns, first, np.asarray(poses, float), cutoff, shifts, inliers, alarms)

@@ -8,6 +8,7 @@ from itertools import pairwise
 import naive
 import numpy as np
 import pytest
+from naive import angles_of
 from scipy import optimize
 
 from pflut._random import uniform
@@ -38,10 +39,6 @@ from pflut.likelihood.table import QUALITY_CELLS, LikelihoodTable, bearing_colum
 from pflut.simulation.correspondences import CorrespondenceSimulator
 
 SIGMAS = 5.0
-
-
-def angles_of(c: Correspondences) -> np.ndarray:
-    return np.stack([c.azimuth_l, c.elevation_l, c.azimuth_r, c.elevation_r], axis=1)
 
 
 def sampled(pairs: int, n: int, seed: int, mismatch: float = 0.0):

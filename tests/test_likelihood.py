@@ -7,6 +7,7 @@ import dataclasses
 import naive
 import numpy as np
 import pytest
+from naive import angles_of
 from test_dense import EDGES, random_correspondences
 
 from pflut.correspondences import Correspondences
@@ -50,10 +51,6 @@ from pflut.likelihood.table import (
 from pflut.simulation.correspondences import CorrespondenceSimulator
 
 SIGMAS = 5.0
-
-
-def angles_of(c: Correspondences) -> np.ndarray:
-    return np.stack([c.azimuth_l, c.elevation_l, c.azimuth_r, c.elevation_r], axis=1)
 
 
 def random_table(seed: int = 0, classes: int = 3) -> LikelihoodTable:

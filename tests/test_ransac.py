@@ -7,6 +7,7 @@ from itertools import combinations
 import naive
 import numpy as np
 import pytest
+from naive import angles_of
 from test_posterior import turn_on_the_spot
 
 from pflut._random import uniform
@@ -35,10 +36,6 @@ from pflut.simulation.correspondences import CorrespondenceSimulator
 
 SOLVERS = ("2pt", "3pt")
 ALL_SOLVERS = (*SOLVERS, "8pt")
-
-
-def angles_of(c: Correspondences) -> np.ndarray:
-    return np.stack([c.azimuth_l, c.elevation_l, c.azimuth_r, c.elevation_r], axis=1)
 
 
 def simulated(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import naive
 import numpy as np
 import pytest
+from naive import angles_of
 from scipy import integrate, optimize, stats
 
 from pflut._robust import TUKEY, robust_weight
@@ -14,19 +15,6 @@ from pflut.likelihood.table import bearing_columns
 from pflut.relpose.refine import CUTOFFS, LOSSES, STEPS_PER_CUTOFF, refine_relative_pose
 from pflut.relpose.refine_kernels import _residual, _solve, refine, refine_many, refine_pose
 from pflut.simulation.correspondences import CorrespondenceSimulator
-
-
-def angles_of(c: Correspondences) -> np.ndarray:
-    return np.stack([c.azimuth_l, c.elevation_l, c.azimuth_r, c.elevation_r], axis=1)
-
-
-def columns_of(c: Correspondences) -> np.ndarray:
-    return bearing_columns(c)
-
-
-def errors(estimate, theta: float, phi: float) -> np.ndarray:
-    return np.abs(wrap_to_pi(np.array([estimate.heading_l - theta, estimate.heading_r - phi])))
-
 
 # --- kernels --------------------------------------------------------------------------------------
 
@@ -75,7 +63,7 @@ def test_refine_finds_the_minimum_of_the_biweight() -> None:
         angles = angles_of(c)
         headings = np.array([theta + 0.02, phi - 0.015])
         start = headings.copy()
-        inliers = refine(columns_of(c), TUKEY, 0.0, 0.01 * CUTOFFS, 50, headings, np.zeros(4))
+        inliers = refine(bearing_columns(c), TUKEY, 0.0, 0.01 * CUTOFFS, 50, headings, np.zeros(4))
         cutoff = 0.01 * CUTOFFS[-1]
         found = optimize.minimize(
             lambda x, rows=angles, k=cutoff: naive.biweight_cost(rows, x[0], x[1], k),
@@ -95,7 +83,7 @@ def test_refine_without_noise_is_exact() -> None:
     for seed in range(20):
         c, theta, phi = CorrespondenceSimulator(mismatch=0.0, noise=0.0).pair(40, seed)
         headings = np.array([theta + 0.025, phi - 0.025])
-        refine(columns_of(c), TUKEY, 0.0, 0.01 * CUTOFFS, 30, headings, np.zeros(4))
+        refine(bearing_columns(c), TUKEY, 0.0, 0.01 * CUTOFFS, 30, headings, np.zeros(4))
         assert np.abs(headings - [theta, phi]).max() < 1e-6
 
 
@@ -103,7 +91,7 @@ def test_information_is_that_of_the_weighted_least_squares() -> None:
     c, theta, phi = CorrespondenceSimulator(mismatch=0.2).pair(60, 3)
     headings, information = np.array([theta, phi]), np.zeros(4)
     cutoff = 0.03
-    refine(columns_of(c), TUKEY, 0.0, np.array([cutoff]), 1, headings, information)
+    refine(bearing_columns(c), TUKEY, 0.0, np.array([cutoff]), 1, headings, information)
     expected = np.zeros((2, 2))
     squares = 0.0
     for bearing in angles_of(c):
@@ -172,7 +160,7 @@ def test_refine_many_equals_its_naive_twin(name: str) -> None:
     """Pairs of different sizes, poses in any order."""
     code, knee = LOSSES[name].code, 0.01 * LOSSES[name].knee
     pairs = [CorrespondenceSimulator(mismatch=0.4).pair(n, n) for n in (30, 7, 18)]
-    columns = np.concatenate([columns_of(c) for c, *_ in pairs], axis=1)
+    columns = np.concatenate([bearing_columns(c) for c, *_ in pairs], axis=1)
     first = np.cumsum([0, *(len(c) for c, *_ in pairs)])
     owners = np.array([2, 0, 1, 0, 2])
     rng = np.random.default_rng(0)
@@ -186,7 +174,7 @@ def test_refine_many_equals_its_naive_twin(name: str) -> None:
         expected = naive.polish(angles_of(c), *pose, scales, 2, name, knee)
         assert moved[k] == pytest.approx(expected, abs=1e-4)
         alone = pose.copy()
-        count = refine(columns_of(c), code, knee, scales, 2, alone, known)
+        count = refine(bearing_columns(c), code, knee, scales, 2, alone, known)
         assert moved[k] == pytest.approx(alone, abs=1e-9)
         assert information[k] == pytest.approx(known)
         assert inliers[k] == count

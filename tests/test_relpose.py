@@ -5,23 +5,16 @@ from __future__ import annotations
 import naive
 import numpy as np
 import pytest
+from naive import angles_of
 from test_posterior import turn_on_the_spot
 
 from pflut.correspondences import Correspondences
 from pflut.geometry import wrap_to_2pi, wrap_to_pi
 from pflut.likelihood.dense import DenseTable
-from pflut.likelihood.table import LikelihoodTable, bearing_columns
+from pflut.likelihood.table import LikelihoodTable
 from pflut.posterior import pose_posterior
 from pflut.relpose.estimate import band_variance, estimate_relative_pose
 from pflut.simulation.correspondences import CorrespondenceSimulator
-
-
-def angles_of(c: Correspondences) -> np.ndarray:
-    return np.stack([c.azimuth_l, c.elevation_l, c.azimuth_r, c.elevation_r], axis=1)
-
-
-def columns_of(c: Correspondences) -> np.ndarray:
-    return bearing_columns(c)
 
 
 def errors(estimate, theta: float, phi: float) -> np.ndarray:

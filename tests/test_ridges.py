@@ -10,6 +10,7 @@ import sys
 import naive
 import numpy as np
 import pytest
+from naive import angles_of
 from test_dense import EDGES, random_correspondences
 from test_posterior import turn_on_the_spot
 
@@ -23,10 +24,6 @@ from pflut.likelihood.table import LikelihoodTable, bearing_columns
 from pflut.simulation.correspondences import CorrespondenceSimulator
 
 BINS = (5, 17, 63, 64, 100, 128, 200)
-
-
-def angles_of(c: Correspondences) -> np.ndarray:
-    return np.stack([c.azimuth_l, c.elevation_l, c.azimuth_r, c.elevation_r], axis=1)
 
 
 def simulated(n: int, seed: int, mismatch: float = 0.5) -> Correspondences:

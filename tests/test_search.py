@@ -8,6 +8,7 @@ from functools import cache
 import naive
 import numpy as np
 import pytest
+from naive import angles_of
 from test_dense import EDGES, random_correspondences
 from test_posterior import turn_on_the_spot
 
@@ -22,10 +23,6 @@ from pflut.relpose.search import COARSE, PAIRS_A_TASK, estimate_relative_poses
 from pflut.simulation.correspondences import CorrespondenceSimulator
 
 PAIRS = 1000
-
-
-def angles_of(c: Correspondences) -> np.ndarray:
-    return np.stack([c.azimuth_l, c.elevation_l, c.azimuth_r, c.elevation_r], axis=1)
 
 
 def headings_of(estimates: list[RelativePose]) -> np.ndarray:
