@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from pflut.calibration import fit_temperature as fit_temperature
     from pflut.camera import load_camera as load_camera
     from pflut.correspondences import Correspondences as Correspondences
+    from pflut.correspondences import ReferenceMatch as ReferenceMatch
     from pflut.datasets import load_dataset as load_dataset
     from pflut.datasets.base import Dataset as Dataset
     from pflut.features import FeatureExtractor as FeatureExtractor
@@ -68,6 +69,7 @@ _NAMES = {
     "ParticleFilter": "localization.particle_filter",
     "ReferenceImageModel": "localization.reference_image_model",
     "ReferenceMap": "reference_map",
+    "ReferenceMatch": "correspondences",
     "RelativePose": "relpose.result",
     "Trajectory": "trajectory",
     "coverage": "calibration",

@@ -88,3 +88,19 @@ class Correspondences:
         """Return zero correspondences."""
         none = np.empty(0)
         return cls(none, none, none, none)
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceMatch:
+    """A reference image and its correspondences with the robot's image.
+
+    Parameters
+    ----------
+    index : int
+        Of the reference in the map.
+    correspondences : Correspondences
+        L is the reference, R the robot's image.
+    """
+
+    index: int
+    correspondences: Correspondences

@@ -153,6 +153,30 @@ class ReferenceMap:
             progress=progress,
         )
 
+    @classmethod
+    def of_poses(cls, poses: ArrayLike) -> ReferenceMap:
+        """Make a map of poses alone, for observations whose matches come from elsewhere.
+
+        Parameters
+        ----------
+        poses : array_like of shape (m, 3)
+
+        Returns
+        -------
+        ReferenceMap
+            Its references have no features.
+        """
+        checked = as_poses(poses, "poses")
+        nothing = np.empty(0)
+        none = Features(
+            nothing,
+            nothing,
+            np.empty((0, 1), np.float32),
+            np.empty((0, 2), np.float32),
+            nothing.astype(np.float32),
+        )
+        return cls(checked, (none,) * len(checked), tuple(map(str, range(len(checked)))))
+
     def add(self, pose: ArrayLike, features: Features, name: str) -> ReferenceMap:
         """Return a map with one more reference.
 
@@ -275,19 +299,39 @@ class ReferenceMap:
         ndarray of int
             Indices of references, the most promising first; empty if all are out of range.
         """
-        if not len(poses):
-            return np.empty(0, np.intp)
-        seen = poses[:: max(1, -(-len(poses) // max_poses)), :2]
-        offsets = seen[:, None, :] - self.poses[None, :, :2]
-        distance = np.hypot(offsets[..., 0], offsets[..., 1])
-        nearness = np.where(distance < max_range, np.exp(-2.0 * distance / max_range), 0.0)
-        weight = nearness.mean(axis=0)
+        weight = self.nearness(poses, max_range=max_range, max_poses=max_poses)
         eligible = np.flatnonzero(weight > 0.0)
         if len(eligible) > max_candidates:
             weight = weight * np.maximum(self.similarity(features), 1e-3)
         order = np.argsort(-weight[eligible], kind="stable")
         chosen: NDArray[np.intp] = eligible[order][:max_candidates]
         return chosen
+
+    def nearness(self, poses: FloatArray, *, max_range: float, max_poses: int = 256) -> FloatArray:
+        """Say how near the references are to some poses, on the average.
+
+        Parameters
+        ----------
+        poses : ndarray of shape (N, 3)
+        max_range : float
+            Metres.
+        max_poses : int
+            Of the poses, evenly taken, so many are looked at.
+
+        Returns
+        -------
+        ndarray of shape (m,)
+            The mean of exp(-2 distance / max_range) in [0, 1]; zero of references that are farther
+            than ``max_range`` from every pose.
+        """
+        if not len(poses):
+            return np.zeros(len(self))
+        seen = poses[:: max(1, -(-len(poses) // max_poses)), :2]
+        offsets = seen[:, None, :] - self.poses[None, :, :2]
+        distance = np.hypot(offsets[..., 0], offsets[..., 1])
+        near = np.where(distance < max_range, np.exp(-2.0 * distance / max_range), 0.0)
+        mean: FloatArray = near.mean(axis=0)
+        return mean
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the map to a `.npz` file without pickle, atomically.

@@ -8,11 +8,11 @@ import pytest
 from test_posterior import turn_on_the_spot
 from world import REFERENCES, World
 
-from pflut.correspondences import Correspondences
+from pflut.correspondences import Correspondences, ReferenceMatch
 from pflut.features import Features
 from pflut.geometry import compose, wrap_to_pi
 from pflut.likelihood.table import LikelihoodTable
-from pflut.localization.reference_image_model import ReferenceImageModel, ReferenceMatch
+from pflut.localization.reference_image_model import ReferenceImageModel
 from pflut.localization.sensor_kernels import add_reference, link
 from pflut.reference_map import ReferenceMap
 from pflut.simulation.correspondences import CorrespondenceSimulator
@@ -339,6 +339,25 @@ def test_min_matches_silences_a_reference(
     assert [m.index for m in strict.match(POSE[None], observation)] == [usual[0].index]
     silent = ReferenceImageModel(reference_map, default_table, min_matches=counts[0] + 1)
     assert not silent.log_likelihood(around(POSE, 9), observation).any()
+
+
+def test_matches_of_ones_own(model: ReferenceImageModel, world: World) -> None:
+    """What a matcher of one's own found counts as what the model finds, without any feature."""
+    pose = np.array([1.5, 1.0, 0.4])
+    poses = around(pose)
+    found = model.match(poses, world.look(pose, 1))
+    bare = ReferenceImageModel(ReferenceMap.of_poses(REFERENCES), model.likelihood, max_range=5.0)
+    assert len(found) > 1
+    np.testing.assert_array_equal(
+        bare.log_likelihood(poses, found[::-1]), model.log_likelihood(poses, found)
+    )
+    np.testing.assert_array_equal(
+        model.log_likelihood(poses, found), model.log_likelihood(poses, world.look(pose, 1))
+    )
+    assert bare.match(poses + np.array([100.0, 0.0, 0.0]), found) == []
+    assert not bare.log_likelihood(poses, ()).any()
+    with pytest.raises(ValueError, match="observation: expected matches with references 0 to"):
+        bare.match(poses, [ReferenceMatch(len(REFERENCES), found[0].correspondences)])
 
 
 def test_images_need_an_extractor(

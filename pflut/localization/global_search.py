@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from pflut.correspondences import ReferenceMatch
 from pflut.geometry import TWO_PI, FloatArray, wrap_to_pi
 from pflut.likelihood.table import bearing_columns
 from pflut.localization.estimate import Estimate, estimate_from_particles
-from pflut.localization.reference_image_model import ReferenceImageModel, ReferenceMatch
+from pflut.localization.reference_image_model import ReferenceImageModel
 from pflut.relpose.refine import CUTOFFS, STEPS_PER_CUTOFF
 from pflut.relpose.refine_kernels import refine_pose
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pflut.correspondences import Correspondences
+from pflut.correspondences import ReferenceMatch
 from pflut.features import Features, match_many
 from pflut.geometry import FloatArray, as_poses
 from pflut.localization.sensor_kernels import add_reference, link
@@ -22,22 +21,6 @@ if TYPE_CHECKING:
 RANGE_PER_SPACING = 6.0
 SINGLE_RANGE = 5.0
 RANGE_PER_NEAR = 4.0
-
-
-@dataclass(frozen=True, eq=False)
-class ReferenceMatch:
-    """A reference and its correspondences with the image.
-
-    Parameters
-    ----------
-    index : int
-        Of the reference in the map.
-    correspondences : Correspondences
-        L is the reference, R the image.
-    """
-
-    index: int
-    correspondences: Correspondences
 
 
 class ReferenceImageModel:
@@ -164,31 +147,25 @@ class ReferenceImageModel:
         ----------
         poses : array_like of shape (N, 3)
             Where the robot may be.
-        observation : Features or image
+        observation : Features, image or sequence of ReferenceMatch
+            What was matched already is not matched again: of a matcher of one's own, say.
 
         Returns
         -------
         list of ReferenceMatch
-            At most ``max_references``, the one with most matches first.
+            At most ``max_references`` within range, the one with most matches first.
+
+        Raises
+        ------
+        ValueError
+            If a match is with no reference of the map.
         """
-        features = observation if isinstance(observation, Features) else self.observe(observation)
-        indices = self.reference_map.candidates(
-            features,
-            as_poses(poses),
-            max_range=self.max_range,
-            max_candidates=self.max_candidates,
-        )
-        pairs = match_many(
-            [self.reference_map.features[i] for i in indices],
-            features,
-            ratio=self.ratio,
-            mutual=self.mutual,
-        )
-        matches = [
-            ReferenceMatch(int(index), pair)
-            for index, pair in zip(indices, pairs, strict=True)
-            if len(pair) >= self.min_matches
-        ]
+        checked = as_poses(poses)
+        if _is_matched(observation):
+            matches = self._near(checked, observation)
+        else:
+            matches = self._matched(checked, observation)
+        matches = [match for match in matches if len(match.correspondences) >= self.min_matches]
         matches.sort(key=lambda match: (-len(match.correspondences), match.index))
         return matches[: self.max_references]
 
@@ -199,7 +176,7 @@ class ReferenceImageModel:
         ----------
         poses : array_like of shape (N, 3)
             ``[x, y, heading]`` in the map's frame.
-        observation : Features or image
+        observation : Features, image or sequence of ReferenceMatch
             Of the map's kind of features.
 
         Returns
@@ -244,3 +221,37 @@ class ReferenceImageModel:
                 total,
             )
         return total
+
+    def _matched(self, poses: FloatArray, observation: Any) -> list[ReferenceMatch]:
+        """Match an image with the candidates."""
+        features = observation if isinstance(observation, Features) else self.observe(observation)
+        indices = self.reference_map.candidates(
+            features, poses, max_range=self.max_range, max_candidates=self.max_candidates
+        )
+        pairs = match_many(
+            [self.reference_map.features[i] for i in indices],
+            features,
+            ratio=self.ratio,
+            mutual=self.mutual,
+        )
+        return [
+            ReferenceMatch(int(index), pair) for index, pair in zip(indices, pairs, strict=True)
+        ]
+
+    def _near(self, poses: FloatArray, matches: Sequence[ReferenceMatch]) -> list[ReferenceMatch]:
+        """Keep the matches with references that are in range of a pose."""
+        for match in matches:
+            if not 0 <= match.index < len(self.reference_map):
+                raise ValueError(
+                    f"observation: expected matches with references 0 to "
+                    f"{len(self.reference_map) - 1}, got {match.index}"
+                )
+        nearness = self.reference_map.nearness(poses, max_range=self.max_range)
+        return [match for match in matches if nearness[match.index] > 0.0]
+
+
+def _is_matched(observation: Any) -> TypeGuard[Sequence[ReferenceMatch]]:
+    """Say whether an observation is a sequence of matches, an empty one included."""
+    return isinstance(observation, list | tuple) and all(
+        isinstance(item, ReferenceMatch) for item in observation
+    )

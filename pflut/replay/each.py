@@ -8,11 +8,11 @@ from time import perf_counter
 
 import numpy as np
 
+from pflut.correspondences import ReferenceMatch
 from pflut.datasets.base import Dataset
 from pflut.features import FeatureCache, FeatureExtractor
 from pflut.localization.global_search import GlobalSearch
 from pflut.localization.localizer import Step
-from pflut.localization.reference_image_model import ReferenceMatch
 from pflut.posterior import Likelihood
 from pflut.reference_map import ReferenceMap
 from pflut.replay.options import ReplayOptions

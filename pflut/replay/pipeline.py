@@ -8,13 +8,13 @@ from functools import partial
 
 import numpy as np
 
+from pflut.correspondences import ReferenceMatch
 from pflut.datasets.base import Dataset
 from pflut.features import FeatureCache, FeatureExtractor
 from pflut.geometry import FloatArray
 from pflut.localization.localizer import Localizer, Step
 from pflut.localization.motion import DifferentialDrive, Omnidirectional
 from pflut.localization.particle_filter import ParticleFilter
-from pflut.localization.reference_image_model import ReferenceMatch
 from pflut.posterior import Likelihood
 from pflut.reference_map import ReferenceMap
 from pflut.replay.each import localize_each

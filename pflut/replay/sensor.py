@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pflut.correspondences import ReferenceMatch
 from pflut.features import FeatureCache, FeatureExtractor, Features
 from pflut.geometry import FloatArray
-from pflut.localization.reference_image_model import ReferenceImageModel, ReferenceMatch
+from pflut.localization.reference_image_model import ReferenceImageModel
 from pflut.posterior import Likelihood
 from pflut.reference_map import ReferenceMap
 from pflut.replay.options import ReplayOptions
