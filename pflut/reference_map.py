@@ -24,6 +24,15 @@ FORMAT = "pflut reference map"
 VERSION = 1
 FEATURE_FIELDS = ("azimuth", "elevation", "descriptors", "pixels", "response")
 
+NO_FEATURES = Features(
+    np.empty(0),
+    np.empty(0),
+    np.empty((0, 1), np.float32),
+    np.empty((0, 2), np.float32),
+    np.empty(0, np.float32),
+)
+"""Of an image that nobody looked at."""
+
 Progress = Callable[[int, int], None]
 
 
@@ -167,15 +176,7 @@ class ReferenceMap:
             Its references have no features.
         """
         checked = as_poses(poses, "poses")
-        nothing = np.empty(0)
-        none = Features(
-            nothing,
-            nothing,
-            np.empty((0, 1), np.float32),
-            np.empty((0, 2), np.float32),
-            nothing.astype(np.float32),
-        )
-        return cls(checked, (none,) * len(checked), tuple(map(str, range(len(checked)))))
+        return cls(checked, (NO_FEATURES,) * len(checked), tuple(map(str, range(len(checked)))))
 
     def add(self, pose: ArrayLike, features: Features, name: str) -> ReferenceMap:
         """Return a map with one more reference.
@@ -271,7 +272,7 @@ class ReferenceMap:
     def candidates(
         self,
         features: Features,
-        poses: FloatArray,
+        poses: FloatArray | None,
         *,
         max_range: float,
         max_candidates: int,
@@ -285,8 +286,8 @@ class ReferenceMap:
         ----------
         features : Features
             Of the image.
-        poses : ndarray of shape (N, 3)
-            Where the robot may be, all as probable.
+        poses : ndarray of shape (N, 3) or None
+            Where the robot may be, all as probable; None is anywhere.
         max_range : float
             Metres: references farther from every pose are left out.
         max_candidates : int
@@ -299,7 +300,9 @@ class ReferenceMap:
         ndarray of int
             Indices of references, the most promising first; empty if all are out of range.
         """
-        weight = self.nearness(poses, max_range=max_range, max_poses=max_poses)
+        weight = np.ones(len(self))
+        if poses is not None:
+            weight = self.nearness(poses, max_range=max_range, max_poses=max_poses)
         eligible = np.flatnonzero(weight > 0.0)
         if len(eligible) > max_candidates:
             weight = weight * np.maximum(self.similarity(features), 1e-3)

@@ -18,6 +18,7 @@ from pflut.localization.estimate import summarize
 from pflut.localization.motion import DifferentialDrive
 from pflut.localization.particle_filter import ParticleFilter
 from pflut.localization.resampling import RESAMPLERS
+from pflut.localization.resampling_policy import EffectiveSizeBelow
 from pflut.localization.weights import Weights
 
 ODOMETRY = np.array([0.3, 0.05, 0.1])
@@ -132,7 +133,9 @@ def measure(n: int, report: Callable[[str, float], None]) -> None:
     report("estimate, lost", median_ns(lambda: summarize(lost, Weights.uniform(n)), n))
 
     for name, threshold in (("always", 1.0), ("never", 0.0)):
-        pf = ParticleFilter(drive, FreeSensor(), num_particles=n, ess_threshold=threshold, rng=0)
+        pf = ParticleFilter(
+            drive, FreeSensor(), num_particles=n, resample_when=EffectiveSizeBelow(threshold), rng=0
+        )
 
         def step(pf: ParticleFilter = pf) -> None:
             pf.initialize(poses)

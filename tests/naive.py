@@ -12,6 +12,7 @@ import heapq
 import math
 from collections import Counter
 from itertools import combinations
+from statistics import NormalDist
 
 import numpy as np
 
@@ -1005,3 +1006,29 @@ def eight_point(bearings):
     matrix = np.linalg.svd(np.array(rows))[2][8].reshape(3, 3)
     u, _, vt = np.linalg.svd(matrix)
     return matrix, u @ np.diag([1.0, 1.0, 0.0]) @ vt
+
+
+def kld_bound(occupied: int, error: float, quantile: float) -> float:
+    """Fox 2003, equation (7)."""
+    if occupied <= 1:
+        return 0.0
+    k = occupied - 1
+    return k / (2 * error) * (1 - 2 / (9 * k) + (2 / (9 * k)) ** 0.5 * quantile) ** 3
+
+
+def kld_sample_size(poses: np.ndarray, weights: np.ndarray, kld: object) -> int:
+    """Go through a comb's draws in a scattered order, count cells in a set, stop when enough."""
+    n, width = kld.max_particles, 2 * np.pi / kld.cell_angle
+    draws = np.searchsorted(np.cumsum(weights) / weights.sum(), (np.arange(n) + 0.5) / n)
+    quantile = NormalDist().inv_cdf(kld.probability)
+    stride = int(0.6180339887498949 * n)
+    while np.gcd(stride, n) != 1:
+        stride += 1
+    cells = set()
+    for seen in range(n):
+        if seen >= kld.min_particles and seen >= kld_bound(len(cells), kld.error, quantile):
+            return seen
+        x, y, heading = poses[draws[seen * stride % n]]
+        turn = heading / (2 * np.pi) % 1.0
+        cells.add((x // kld.cell_size, y // kld.cell_size, int(turn * round(width))))
+    return n

@@ -12,7 +12,11 @@ from pflut.localization.estimate import Estimate
 from pflut.localization.filter_state import FilterState
 from pflut.localization.motion import DifferentialDrive
 from pflut.localization.particle_filter import ParticleFilter
+from pflut.localization.proposals import UniformProposal
+from pflut.localization.recovery import Recovery
 from pflut.localization.resampling import RESAMPLERS
+from pflut.localization.resampling_policy import EffectiveSizeBelow, EveryUpdates, Moved
+from pflut.localization.sample_size import KLDSampling
 
 ODOMETRY = [0.1, 0.02, 0.05]
 
@@ -50,6 +54,51 @@ def test_a_resumed_drive_is_the_uninterrupted_one_to_the_last_bit(
     assert any(estimate.resampled for estimate in whole[5:])
 
 
+def everything(rng: int) -> ParticleFilter:
+    """A filter that has all there is: history, proposals, averages, a changing size, a policy."""
+    pf = ParticleFilter(
+        DifferentialDrive(),
+        Position([0.3, 0.2]),
+        num_particles=KLDSampling(min_particles=50, max_particles=400),
+        resample_when=EveryUpdates(3) & Moved(0.2, 9.0),
+        recovery=Recovery(
+            proposal=UniformProposal((-1, -1, 1, 1)),
+            probability=0.1,
+            alpha_slow=0.05,
+            alpha_fast=0.5,
+        ),
+        history=3,
+        min_effective_share=0.1,
+        rng=rng,
+    )
+    pf.initialize_uniform((-1, -1, 1, 1))
+    return pf
+
+
+def late_drive(pf: ParticleFilter, first: int, last: int) -> list[Estimate]:
+    found = []
+    for k in range(first, last):
+        pf.predict(ODOMETRY, stamp=float(k))
+        # every third image is one step old, every seventh older than the history
+        stamp = k - 1.0 if k % 3 == 2 else k - 5.0 if k % 7 == 6 else float(k)
+        found.append(pf.update([0.1 * k, 0.02 * k], stamp=stamp))
+    return found
+
+
+@pytest.mark.parametrize("stop", [1, 4, 7])
+def test_everything_is_resumed_to_the_last_bit(tmp_path: Path, stop: int) -> None:
+    whole = late_drive(everything(4), 0, 14)
+    first, second = everything(4), everything(5)
+    late_drive(first, 0, stop)
+    first.state().save(tmp_path / "filter.npz")
+    second.restore(FilterState.load(tmp_path / "filter.npz"))
+    for estimate, expected in zip(late_drive(second, stop, 14), whole[stop:], strict=True):
+        assert same(estimate, expected)
+    assert whole[-1].dropped_updates > 0
+    assert any(estimate.delay == 1.0 and not estimate.dropped for estimate in whole)
+    assert len({estimate.num_particles for estimate in whole}) > 2
+
+
 @pytest.mark.parametrize("name", ["PCG64", "PCG64DXSM", "MT19937", "Philox", "SFC64"])
 def test_any_of_numpy_s_generators_goes_on(tmp_path: Path, name: str) -> None:
     generator = np.random.Generator(getattr(np.random, name)(5))
@@ -63,7 +112,7 @@ def test_any_of_numpy_s_generators_goes_on(tmp_path: Path, name: str) -> None:
 
 
 def test_weights_that_rule_out_and_counts_are_kept(tmp_path: Path) -> None:
-    pf = standing(50, ess_threshold=0.0)
+    pf = standing(50, resample_when=EffectiveSizeBelow(0.0))
     pf.update(np.where(np.arange(50) % 3, 0.1 * np.arange(50), -np.inf))
     pf.update(np.nan)
     assert pf.degenerate_updates == 1
@@ -83,9 +132,9 @@ def test_weights_that_rule_out_and_counts_are_kept(tmp_path: Path) -> None:
 def test_a_state_is_not_changed_by_what_the_filter_does_next() -> None:
     pf = moving(1)
     state = pf.state()
-    poses, generator = state.poses.copy(), dict(state.generator)
+    poses, generator = state.particles.poses.copy(), dict(state.generator)
     drive(pf, 0, 3)
-    assert np.array_equal(state.poses, poses)
+    assert np.array_equal(state.particles.poses, poses)
     assert state.generator == generator
     first, second = moving(2), moving(2)
     first.restore(state)
@@ -118,7 +167,7 @@ def test_damaged_and_foreign_files_are_refused(tmp_path: Path) -> None:
         stored = dict(file)
     for change, message in (
         ({"poses": stored["poses"] + 1e-12}, "checksum does not match"),
-        ({"version": np.array(2)}, "version 2, expected 1"),
+        ({"version": np.array(1)}, "version 1, expected 2"),
         ({"format": np.array("a table")}, "not the state of a pflut particle filter"),
         ({"generator": np.array("{}")}, "checksum does not match"),
     ):
@@ -137,7 +186,7 @@ def test_damaged_and_foreign_files_are_refused(tmp_path: Path) -> None:
 
 def test_a_generator_that_is_not_numpy_s() -> None:
     state = moving(0).state()
-    foreign = FilterState(state.poses, state.weights, {"bit_generator": "mine"}, 0)
+    foreign = FilterState(state.particles, state.averages, {"bit_generator": "mine"}, 0, 0)
     pf = moving(1)
     with pytest.raises(ValueError, match=r"generator: expected one of PCG64, .*, got mine"):
         pf.restore(foreign)

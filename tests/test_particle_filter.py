@@ -7,6 +7,7 @@ from pflut.geometry import circular_mean, wrap_to_pi
 from pflut.localization.motion import DifferentialDrive
 from pflut.localization.particle_filter import ParticleFilter
 from pflut.localization.resampling import RESAMPLERS
+from pflut.localization.resampling_policy import EffectiveSizeBelow
 
 
 class Shift:
@@ -197,7 +198,7 @@ def test_degenerate_observations_are_ignored_and_counted(bad):
 
 
 def test_an_observation_that_rules_out_the_particles_left_is_degenerate():
-    pf = standing(ess_threshold=0.0)
+    pf = standing(resample_when=EffectiveSizeBelow(0.0))
     left = np.arange(100) < 50
     assert not pf.update(np.where(left, 0.0, -np.inf)).degenerate
     assert pf.update(np.where(left, -np.inf, 0.0)).degenerate
@@ -255,7 +256,7 @@ def test_a_million_particles():
     "threshold,expected", [(0.0, False), (0.5, False), (0.7, True), (1.0, True)]
 )
 def test_resamples_below_the_threshold(threshold, expected):
-    pf = standing(ess_threshold=threshold)
+    pf = standing(resample_when=EffectiveSizeBelow(threshold))
     estimate = pf.update(np.where(np.arange(100) < 60, 0.0, -np.inf))
     assert estimate.effective_sample_size == pytest.approx(60)
     assert estimate.resampled is expected
@@ -292,7 +293,7 @@ def test_any_function_resamples():
     def first(weights, n, rng=None):
         return np.zeros(n, dtype=np.int32)
 
-    pf = standing(resampling=first, ess_threshold=1.0)
+    pf = standing(resampling=first, resample_when=EffectiveSizeBelow(1.0))
     chosen = pf.poses[0].copy()
     pf.update(-np.arange(100.0))
     np.testing.assert_array_equal(pf.poses, np.tile(chosen, (100, 1)))
@@ -375,8 +376,6 @@ def test_models_that_answer_with_another_shape_are_named():
 def test_bad_options_are_refused():
     for options, message in (
         ({"num_particles": 0}, "num_particles"),
-        ({"ess_threshold": 1.5}, "ess_threshold"),
-        ({"ess_threshold": np.nan}, "ess_threshold"),
         ({"resampling": "best"}, "resampling"),
         ({"estimate_method": "best"}, "estimate_method"),
     ):

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pflut._cells import COORDINATE_MASK, EMPTY, cell_key, empty_table, find_cell, heading_cell
 from pflut._jit import jit
 from pflut.geometry import TWO_PI, FloatArray, as_poses, wrap_to_pi
 from pflut.localization.resampling import systematic_indices
@@ -58,6 +60,9 @@ class Estimate:
     likelihood_exponent : float
         In (0, 1]: the power that the likelihood was flattened with to keep enough effective
         particles, see `ParticleFilter`.
+    proposed_share : float
+        In [0, 1]: share of the weight that the poses of `Recovery` have, by Bayes' rule, before
+        any flattening. Near one where the robot was carried away, or found at last.
     resampled : bool
         Whether the particles were resampled after this estimate.
     degenerate : bool
@@ -66,7 +71,13 @@ class Estimate:
     degenerate_updates : int
         How many observations were ignored since the initialisation.
     stamp : float or None
-        Seconds, as handed in with the observation.
+        Seconds: when the robot was at the pose.
+    delay : float
+        Seconds that the observation is older than the pose.
+    dropped : bool
+        Whether the observation came too late for the filter's history and was not used.
+    dropped_updates : int
+        How many were since the initialisation.
     """
 
     pose: FloatArray
@@ -77,10 +88,14 @@ class Estimate:
     num_particles: int
     log_mean_likelihood: float | None = None
     likelihood_exponent: float = 1.0
+    proposed_share: float = 0.0
     resampled: bool = False
     degenerate: bool = False
     degenerate_updates: int = 0
     stamp: float | None = None
+    delay: float = 0.0
+    dropped: bool = False
+    dropped_updates: int = 0
 
     @property
     def position_std(self) -> float:
@@ -147,23 +162,6 @@ def _mean(poses: FloatArray, weights: FloatArray, out: FloatArray) -> None:
 
 
 @jit
-def _key(x: int, y: int, h: int) -> int:
-    """Pack a cell's coordinates into one number: 26 bits for x and for y, 8 for the heading."""
-    return (((x << 26) | y) << 8) | h
-
-
-@jit
-def _find(x: int, y: int, h: int, keys: NDArray[np.int64]) -> int:
-    """Give a cell's place in the hash table, or the empty place (-1) where it belongs."""
-    key = _key(x, y, h)
-    mask = keys.shape[0] - 1
-    place: int = ((x * 73856093) ^ (y * 19349663) ^ (h * 83492791)) & mask
-    while keys[place] != -1 and keys[place] != key:
-        place = (place + 1) & mask
-    return place
-
-
-@jit
 def _vote(
     poses: FloatArray,
     indices: NDArray[np.int32],
@@ -175,8 +173,7 @@ def _vote(
 ) -> None:
     """Write the center of the cell with most votes, its neighbours' counting less: O(draws).
 
-    Cells are kept in a hash table (``keys``, all -1 at first, a power of two of them, more than
-    draws): only the occupied ones cost, however large the map is.
+    ``keys`` is an empty hash table for as many cells, ``votes`` (zeros) belongs to it.
     """
     left, bottom = poses[indices[0], 0], poses[indices[0], 1]
     for i in range(indices.shape[0]):
@@ -184,25 +181,23 @@ def _vote(
         bottom = min(bottom, poses[indices[i], 1])
     for i in range(indices.shape[0]):
         # +1: the neighbours of the first cells have coordinates that are not negative, too
-        x = (int((poses[indices[i], 0] - left) / cell) + 1) & 0x3FFFFFF
-        y = (int((poses[indices[i], 1] - bottom) / cell) + 1) & 0x3FFFFFF
-        turn = poses[indices[i], 2] * (1.0 / TWO_PI)
-        turn -= np.floor(turn)
-        h = min(int(turn * cells_of_heading), cells_of_heading - 1)
-        place = _find(x, y, h, keys)
-        keys[place] = _key(x, y, h)
+        x = (int((poses[indices[i], 0] - left) / cell) + 1) & COORDINATE_MASK
+        y = (int((poses[indices[i], 1] - bottom) / cell) + 1) & COORDINATE_MASK
+        h = heading_cell(poses[indices[i], 2], cells_of_heading)
+        place = find_cell(x, y, h, keys)
+        keys[place] = cell_key(x, y, h)
         votes[place] += 1
     best = -1
     for place in range(keys.shape[0]):
-        if keys[place] == -1:
+        if keys[place] == EMPTY:
             continue
-        x, y, h = keys[place] >> 34, (keys[place] >> 8) & 0x3FFFFFF, keys[place] & 0xFF
+        x, y, h = keys[place] >> 34, (keys[place] >> 8) & COORDINATE_MASK, keys[place] & 0xFF
         score = 0
         for dx in range(-1, 2):
             for dy in range(-1, 2):
                 for dh in range(-1, 2):
                     neighbor = (h + dh + cells_of_heading) % cells_of_heading
-                    found = _find(x + dx, y + dy, neighbor, keys)
+                    found = find_cell(x + dx, y + dy, neighbor, keys)
                     score += votes[found] << (3 - abs(dx) - abs(dy) - abs(dh))
         if score > best:
             best = score
@@ -218,9 +213,8 @@ def _heaviest_cell(poses: FloatArray, weights: FloatArray) -> FloatArray:
     give the same cell), so its cost does not grow with their number.
     """
     draws = min(len(poses), MAX_DRAWS)
-    size = 1 << (4 * draws).bit_length()
-    keys = np.full(size, -1, dtype=np.int64)
-    votes = np.zeros(size, dtype=np.int32)
+    keys = empty_table(draws)
+    votes = np.zeros(keys.shape, dtype=np.int32)
     center = np.empty(3)
     indices = systematic_indices(weights, draws, 0.5)
     _vote(poses, indices, CELL_SIZE, CELLS_OF_HEADING, keys, votes, center)
@@ -243,12 +237,40 @@ def _window(
     return share, center + shift, covariance
 
 
-def _cluster(poses: FloatArray, weights: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+class Cluster(NamedTuple):
+    """Particles that stand together.
+
+    Parameters
+    ----------
+    share : float
+        Of the weight.
+    pose : ndarray of shape (3,)
+        Their mean; the heading is not wrapped.
+    covariance : ndarray of shape (3, 3)
+    radius, angle : float
+        Metres and radians around the pose that they lie within.
+    """
+
+    share: float
+    pose: FloatArray
+    covariance: FloatArray
+    radius: float
+    angle: float
+
+
+def heaviest_cluster(poses: FloatArray, weights: FloatArray) -> Cluster:
     """Shift a window from the heaviest cell to the mean of what it holds, until it rests.
 
     The window grows to three standard deviations of what it holds, so that a wide cluster is
     not cut; from one that stands apart it does not reach the others. Where it holds hardly
     anything the robot is lost: the covariance is then that of all particles around the pose.
+
+    Parameters
+    ----------
+    poses : ndarray of shape (N, 3)
+        float64, contiguous, finite.
+    weights : ndarray of shape (N,)
+        >= 0, not all zero, their sum at most one.
     """
     center = _heaviest_cell(poses, weights)
     radius, angle = WINDOW_RADIUS, WINDOW_ANGLE
@@ -267,7 +289,7 @@ def _cluster(poses: FloatArray, weights: FloatArray) -> tuple[float, FloatArray,
         _, mean_of_all, covariance = _window(poses, weights, mean, np.inf, np.inf)
         offset = mean_of_all - mean
         covariance = covariance + offset[:, None] * offset
-    return share, mean, covariance
+    return Cluster(share, mean, covariance, radius, angle)
 
 
 def summarize(poses: FloatArray, weights: Weights, *, method: str = "cluster") -> Estimate:
@@ -287,7 +309,7 @@ def summarize(poses: FloatArray, weights: Weights, *, method: str = "cluster") -
     Estimate
     """
     if method == "cluster":
-        share, pose, covariance = _cluster(poses, weights.linear)
+        share, pose, covariance, _, _ = heaviest_cluster(poses, weights.linear)
     elif method == "mean":
         pose = np.empty(3)
         _mean(poses, weights.linear, pose)

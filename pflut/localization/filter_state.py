@@ -4,44 +4,62 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pflut._files import checksum, read_arrays, replacing
-from pflut.geometry import FloatArray, as_poses
+from pflut.geometry import as_poses
+from pflut.localization.history import History, Moment
+from pflut.localization.particles import Particles
+from pflut.localization.recovery import LikelihoodAverages
+from pflut.localization.resampling_policy import SinceResampling
 from pflut.localization.weights import Weights
 
 FORMAT = "pflut particle filter"
-VERSION = 1
-_ARRAYS = ("poses", "log_weights", "weights", "summary", "degenerate_updates")
+VERSION = 2
+_ARRAYS = (
+    "poses",
+    "log_weights",
+    "weights",
+    "summary",
+    "since",
+    "averages",
+    "stamp",
+    "counts",
+    "history_stamps",
+    "history_sizes",
+    "history_poses",
+    "history_ancestors",
+)
 _GENERATORS = ("PCG64", "PCG64DXSM", "MT19937", "Philox", "SFC64")
 
 
 @dataclass(frozen=True, eq=False)
 class FilterState:
-    """Particles, weights and random numbers of a filter: what `ParticleFilter.state` gives.
+    """Particles, counts and random numbers of a filter: what `ParticleFilter.state` gives.
 
     The models and the options of the filter are not in it: it resumes in a filter that was made
     with the same ones.
 
     Parameters
     ----------
-    poses : ndarray of shape (N, 3)
-        ``[x, y, heading]`` of the particles.
-    weights : Weights
-        N of them.
+    particles : Particles
+        With their history.
+    averages : LikelihoodAverages
     generator : dict
         The state of the bit generator of the random numbers, as NumPy gives it.
-    degenerate_updates : int
-        How many observations were ignored.
+    degenerate_updates, dropped_updates : int
+        How many observations were ignored, or came too late.
     """
 
-    poses: FloatArray
-    weights: Weights
+    particles: Particles
+    averages: LikelihoodAverages
     generator: dict[str, Any]
     degenerate_updates: int
+    dropped_updates: int
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the state to a `.npz` file, atomically, without pickle.
@@ -51,13 +69,19 @@ class FilterState:
         path : path
             Its folder must exist.
         """
+        particles, weights = self.particles, self.particles.weights
+        stamp = np.nan if particles.stamp is None else particles.stamp
         described = json.dumps(_as_lists(self.generator), sort_keys=True)
         arrays = {
-            "poses": self.poses,
-            "log_weights": self.weights.log,
-            "weights": self.weights.linear,
-            "summary": np.array([self.weights.effective_sample_size, self.weights.log_mean]),
-            "degenerate_updates": np.array(self.degenerate_updates, np.int64),
+            "poses": particles.poses,
+            "log_weights": weights.log,
+            "weights": weights.linear,
+            "summary": np.array([weights.effective_sample_size, weights.log_mean]),
+            "since": np.array(astuple(particles.since), np.float64),
+            "averages": np.array(self.averages, np.float64),
+            "stamp": np.array(stamp, np.float64),
+            "counts": np.array([self.degenerate_updates, self.dropped_updates], np.int64),
+            **_history_arrays(particles),
         }
         head = {"format": FORMAT, "version": VERSION, "generator": described}
         head["checksum"] = checksum(described, arrays)
@@ -93,9 +117,20 @@ class FilterState:
         described, written = (str(stored.pop(name, "")) for name in ("generator", "checksum"))
         if written != checksum(described, stored) or not stored.keys() >= set(_ARRAYS):
             raise ValueError(f"{path}: checksum does not match, the file is damaged")
-        poses, log, linear, (effective, mean), count = (stored[name] for name in _ARRAYS)
-        weights = Weights(log, linear, float(effective), float(mean))
-        return cls(as_poses(poses), weights, _as_arrays(json.loads(described)), int(count))
+        effective, mean = stored["summary"].tolist()
+        share, updates, *way = stored["since"].tolist()
+        stamp = float(stored["stamp"])
+        moments = _moments(stored)
+        particles = Particles(
+            as_poses(stored["poses"]),
+            Weights(stored["log_weights"], stored["weights"], effective, mean),
+            History(len(moments), moments),
+            SinceResampling(share, int(updates), *way),
+            None if np.isnan(stamp) else stamp,
+        )
+        averages = LikelihoodAverages(*stored["averages"].tolist())
+        generator = _as_arrays(json.loads(described))
+        return cls(particles, averages, generator, *stored["counts"].tolist())
 
     def random_generator(self) -> np.random.Generator:
         """Give a generator that goes on where the filter's was.
@@ -111,6 +146,27 @@ class FilterState:
         bits = getattr(np.random, name)()
         bits.state = self.generator
         return np.random.Generator(bits)
+
+
+def _history_arrays(particles: Particles) -> dict[str, NDArray[Any]]:
+    """Make one array of the poses of all moments, and one of the ancestors."""
+    moments = particles.history.moments
+    own = np.arange(len(particles), dtype=np.int32)
+    ancestors = [own if m.ancestors is None else m.ancestors for m in moments]
+    return {
+        "history_stamps": np.array([moment.stamp for moment in moments], np.float64),
+        "history_sizes": np.array([len(moment.poses) for moment in moments], np.int64),
+        "history_poses": np.concatenate([np.empty((0, 3)), *(m.poses for m in moments)]),
+        "history_ancestors": np.array(ancestors, np.int32).reshape(len(moments), len(particles)),
+    }
+
+
+def _moments(stored: dict[str, NDArray[Any]]) -> list[Moment]:
+    """Undo `_history_arrays`."""
+    ends = np.cumsum(stored["history_sizes"])[:-1]
+    stamps, ancestors = stored["history_stamps"].tolist(), stored["history_ancestors"]
+    poses = np.split(stored["history_poses"], ends) if stamps else []
+    return [Moment(*each) for each in zip(stamps, poses, ancestors, strict=True)]
 
 
 def _as_lists(state: Any) -> Any:

@@ -133,7 +133,8 @@ class Localizer:
 
             start = perf_counter()
             if before is not None:
-                self.pf.predict(self.dataset.odometry_between(before, index))
+                moved = self.dataset.odometry_between(before, index)
+                self.pf.predict(moved, stamp=stamp)
             predicted = perf_counter()
             estimate = self.pf.update(observation, stamp=stamp)
             timings["predict"] = predicted - start

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,31 +11,18 @@ from numpy.typing import ArrayLike
 from pflut.geometry import FloatArray, as_poses, wrap_to_pi
 from pflut.localization.estimate import METHODS, Estimate, summarize
 from pflut.localization.filter_state import FilterState
+from pflut.localization.history import History
+from pflut.localization.hypotheses import Hypothesis, find_hypotheses
+from pflut.localization.initial_poses import Bounds, gaussian_poses, uniform_poses
 from pflut.localization.motion import MotionModel
-from pflut.localization.resampling import Resampler, get_resampler, take
-from pflut.localization.tempering import tempering_exponent
+from pflut.localization.particles import Particles
+from pflut.localization.recovery import LikelihoodAverages, Recovery
+from pflut.localization.resampling import Resampler, get_resampler
+from pflut.localization.resampling_policy import EffectiveSizeBelow, ResamplingPolicy
+from pflut.localization.sample_size import KLDSampling
+from pflut.localization.sensor_model import SensorModel
+from pflut.localization.tempering import tempered
 from pflut.localization.weights import Weights
-
-
-class SensorModel(Protocol):
-    """What the particle filter asks of a sensor model."""
-
-    def log_likelihood(self, poses: FloatArray, observation: Any) -> ArrayLike:
-        """Give the observation's log-likelihood at each of the poses.
-
-        Parameters
-        ----------
-        poses : ndarray of shape (N, 3)
-            ``[x, y, heading]``; not to be changed.
-        observation : object
-            Whatever `ParticleFilter.update` was handed.
-
-        Returns
-        -------
-        array_like of shape (N,)
-            Up to a constant; -inf rules a pose out.
-        """
-        ...  # pragma: no cover
 
 
 class ParticleFilter:
@@ -47,23 +34,35 @@ class ParticleFilter:
         Moves particles: `DifferentialDrive`, `Omnidirectional` or an object with their `sample`.
     sensor : SensorModel
         Weighs particles: an object with ``log_likelihood(poses, observation) -> (N,)``.
-    num_particles : int
-        How many particles the initialisations draw and resampling leaves.
+    num_particles : int or KLDSampling
+        How many particles resampling leaves: always so many, or as many as the posterior needs.
+        The initialisations draw the most that there may be.
     resampling : str or callable
         "systematic", "stratified", "multinomial", "residual", "ssp", or a function
         ``(weights, n, rng) -> sorted int32 indices``.
-    ess_threshold : float
-        In [0, 1]: resample when the effective sample size falls below this share of the number
-        of particles. 1 resamples after every update that changes the weights, 0 never.
+    resample_when : ResamplingPolicy
+        `EffectiveSizeBelow`, `EveryUpdates`, `Moved`, their combinations, or one's own. Particles
+        that are too many or too few are resampled anyway.
     min_effective_share : float
         In [0, 1): an observation that would leave fewer effective particles than this share of
         them is flattened by an exponent until it leaves as many (`tempering_exponent`). 0 never
         does, which is Bayes' rule; 0.1 keeps a few thousand particles alive under likelihoods
         much sharper than their distances, and a lost robot's other hypotheses with them.
+    recovery : Recovery, optional
+        Finds a robot that was carried away. Without it a filter that has lost the robot may stay
+        lost.
+    history : int
+        So many past moments are kept for observations that come late, see `update`; each takes 28
+        bytes a particle.
     estimate_method : {"cluster", "mean"}
         See `estimate_from_particles`.
     rng : numpy.random.Generator or int, optional
         The same seed and the same calls give the same bytes.
+
+    Attributes
+    ----------
+    degenerate_updates, dropped_updates : int
+        Observations since the initialisation that were ignored, or came too late.
 
     Raises
     ------
@@ -81,7 +80,7 @@ class ParticleFilter:
 
     References
     ----------
-    Thrun, Burgard, Fox, "Probabilistic Robotics" (2005), tables 4.3 and 8.2.
+    Thrun, Burgard, Fox, "Probabilistic Robotics" (2005), tables 4.3 and 8.2 to 8.4.
     """
 
     def __init__(
@@ -89,17 +88,17 @@ class ParticleFilter:
         motion: MotionModel,
         sensor: SensorModel,
         *,
-        num_particles: int = 2000,
+        num_particles: int | KLDSampling = 2000,
         resampling: str | Resampler = "systematic",
-        ess_threshold: float = 0.5,
+        resample_when: ResamplingPolicy = EffectiveSizeBelow(0.5),  # noqa: B008 (frozen)
         min_effective_share: float = 0.0,
+        recovery: Recovery | None = None,
+        history: int = 0,
         estimate_method: str = "cluster",
         rng: np.random.Generator | int | None = None,
     ) -> None:
-        if num_particles < 1:
+        if not isinstance(num_particles, KLDSampling) and num_particles < 1:
             raise ValueError(f"num_particles: expected at least 1, got {num_particles}")
-        if not 0.0 <= ess_threshold <= 1.0:
-            raise ValueError(f"ess_threshold: expected a share in [0, 1], got {ess_threshold}")
         if not 0.0 <= min_effective_share < 1.0:
             raise ValueError(
                 f"min_effective_share: expected a share in [0, 1), got {min_effective_share}"
@@ -109,16 +108,18 @@ class ParticleFilter:
         self.motion = motion
         self.sensor = sensor
         self.num_particles = num_particles
-        self.ess_threshold = ess_threshold
+        self.resample_when = resample_when
         self.min_effective_share = min_effective_share
+        self.recovery = recovery
         self.estimate_method = estimate_method
         self.rng = np.random.default_rng(rng)
-        self.degenerate_updates = 0
+        self.degenerate_updates = self.dropped_updates = 0
         self._resample = get_resampler(resampling)
-        self._poses: FloatArray | None = None
-        self._weights = Weights.uniform(1)
+        self._no_history = History(history)
+        self._averages = LikelihoodAverages()
+        self._started: Particles | None = None
 
-    def predict(self, odometry: ArrayLike) -> None:
+    def predict(self, odometry: ArrayLike, *, stamp: float | None = None) -> None:
         """Move each particle by the odometry and by noise of its own (table 8.2, line 4).
 
         Parameters
@@ -126,18 +127,25 @@ class ParticleFilter:
         odometry : array_like of shape (3,)
             The motion since the last call in the robot's own old frame,
             ``geometry.relative_pose(before, after)``.
+        stamp : float, optional
+            Seconds: when the motion ended.
 
         Raises
         ------
         ValueError
-            If the filter is not initialised, or the odometry is not three finite numbers.
+            If the filter is not initialised, the odometry is not three finite numbers, or its stamp
+            goes back.
         """
-        moved = as_poses(self.motion.sample(self.poses, odometry, self.rng), "motion.sample")
-        if len(moved) != len(self._weights):
+        particles = self._particles
+        if stamp is not None and particles.stamp is not None and stamp < particles.stamp:
             raise ValueError(
-                f"motion.sample: expected {len(self._weights)} poses, got {len(moved)}"
+                f"stamp: expected odometry after {particles.stamp:.6f} s, got {stamp:.6f}"
             )
-        self._poses = moved
+        moved = as_poses(self.motion.sample(particles.poses, odometry, self.rng), "motion.sample")
+        if len(moved) != len(particles):
+            raise ValueError(f"motion.sample: expected {len(particles)} poses, got {len(moved)}")
+        particles.move(moved, np.asarray(odometry, dtype=np.float64))
+        particles.advance(stamp)
 
     def update(self, observation: Any, *, stamp: float | None = None) -> Estimate:
         """Weight the particles with an observation, estimate the pose, resample if need be.
@@ -147,50 +155,70 @@ class ParticleFilter:
         observation : object
             Handed to the sensor model.
         stamp : float, optional
-            Seconds; handed on to the estimate.
+            Seconds: when it was taken. One before the last motion is late: the particles of now
+            are weighted by where they were then, as far back as ``history`` knows (between two
+            moments as if they had moved evenly). One from before that is dropped and counted.
 
         Returns
         -------
         Estimate
-            From the weighted particles before resampling, which would only add noise.
+            Of the pose at the last stamp, from the weighted particles before resampling, which
+            would only add noise.
 
         Raises
         ------
         ValueError
             If the filter is not initialised, or the sensor model answers with another shape.
         """
+        particles = self._particles
+        delay = particles.delay(stamp)
+        if delay > 0.0:
+            log_likelihood = self._late_log_likelihood(observation, stamp)
+            if log_likelihood is None:
+                self.dropped_updates += 1
+                return replace(self.estimate(), delay=delay, dropped=True)
+            proposed, carried_away = 0, 0.0
+        else:
+            particles.advance(stamp)
+            # the robot may have been carried away: table 8.3, line 13
+            proposed, carried_away = self._propose(observation)
+            log_likelihood = self._log_likelihood(particles.poses, observation)
+
         # importance weights: table 8.2, line 5
-        log_likelihood = self._log_likelihood(observation)
-        weights = self._weights.times(log_likelihood)
-        degenerate = weights is None
-        exponent = 1.0
+        weights = particles.weights.times(log_likelihood)
+        log_mean, exponent, share = None, 1.0, 0.0
         if weights is None:
             self.degenerate_updates += 1
-        elif weights.effective_sample_size < self.min_effective_share * len(weights):
-            exponent = tempering_exponent(self._weights, log_likelihood, self.min_effective_share)
-            tempered = self._weights.times(exponent * log_likelihood)
-            self._weights = weights if tempered is None else tempered
         else:
-            self._weights = weights
+            share = weights.share_of_last(proposed)
+            log_mean = weights.log_mean + float(np.log(max(1.0 - share, 1e-300)))
+            log_mean -= float(np.log1p(-carried_away))
+            particles.weights, exponent = tempered(
+                particles.weights, weights, log_likelihood, self.min_effective_share
+            )
+            self._averages = self._averages_after(log_mean)
+        if proposed and (weights is None or particles.share_of_last(proposed) < 1.0 / self._most):
+            particles.forget_last(proposed)
 
         estimate = self.estimate()
 
         # resample when too few particles carry the weight: table 8.2, lines 8 to 11
-        size = estimate.num_particles
-        few = estimate.effective_sample_size < self.ess_threshold * size
-        resampled = few or size != self.num_particles
+        particles.count_update(weights is not None)
+        resampled = self._wrong_size() or (
+            weights is not None and self.resample_when(particles.since)
+        )
         if resampled:
-            indices = self._resample(self._weights.linear, self.num_particles, self.rng)
-            self._poses = take(self.poses, indices)
-            self._weights = Weights.uniform(self.num_particles)
+            weight = particles.weights.linear
+            particles.select(self._resample(weight, self._wanted(), self.rng))
 
         return replace(
             estimate,
-            log_mean_likelihood=None if weights is None else weights.log_mean,
+            log_mean_likelihood=log_mean,
             likelihood_exponent=exponent,
+            proposed_share=share,
             resampled=resampled,
-            degenerate=degenerate,
-            stamp=stamp,
+            degenerate=weights is None,
+            delay=delay,
         )
 
     def step(
@@ -205,13 +233,13 @@ class ParticleFilter:
         observation : object
             As in `update`.
         stamp : float, optional
-            Seconds; handed on to the estimate.
+            Seconds, of both.
 
         Returns
         -------
         Estimate
         """
-        self.predict(odometry)
+        self.predict(odometry, stamp=stamp)
         return self.update(observation, stamp=stamp)
 
     def estimate(self) -> Estimate:
@@ -226,8 +254,31 @@ class ParticleFilter:
         ValueError
             If the filter is not initialised.
         """
-        estimate = summarize(self.poses, self._weights, method=self.estimate_method)
-        return replace(estimate, degenerate_updates=self.degenerate_updates)
+        particles = self._particles
+        estimate = summarize(particles.poses, particles.weights, method=self.estimate_method)
+        return replace(
+            estimate,
+            degenerate_updates=self.degenerate_updates,
+            dropped_updates=self.dropped_updates,
+            stamp=particles.stamp,
+        )
+
+    def hypotheses(self, *, max_count: int = 5, min_weight: float = 0.05) -> list[Hypothesis]:
+        """Give all places where the robot may be, the most probable first.
+
+        Parameters
+        ----------
+        max_count : int
+            At most so many.
+        min_weight : float
+            In (0, 1): less is no hypothesis.
+
+        Returns
+        -------
+        list of Hypothesis
+            The first one is the pose of `estimate`; empty for a robot that may be anywhere.
+        """
+        return find_hypotheses(self.poses, self.weights, max_count=max_count, min_weight=min_weight)
 
     def initialize(self, poses: ArrayLike, log_weights: ArrayLike | None = None) -> None:
         """Start from particles of one's own.
@@ -244,18 +295,17 @@ class ParticleFilter:
         ValueError
             If shapes do not fit, a pose is not finite, a weight is NaN or +inf, or all are zero.
         """
-        particles = as_poses(poses).copy()
-        particles[:, 2] = wrap_to_pi(particles[:, 2])
-        weights = Weights.of_poses(len(particles), log_weights)
-        self._poses, self._weights, self.degenerate_updates = particles, weights, 0
+        begin = as_poses(poses).copy()
+        begin[:, 2] = wrap_to_pi(begin[:, 2])
+        weights = Weights.of_poses(len(begin), log_weights)
+        self._started = Particles(begin, weights, History(self._no_history.length))
+        self._averages = LikelihoodAverages()
+        self.degenerate_updates = self.dropped_updates = 0
 
     def initialize_uniform(
-        self,
-        bounds: tuple[float, float, float, float],
-        *,
-        heading: float | tuple[float, float] | None = None,
+        self, bounds: Bounds, *, heading: float | tuple[float, float] | None = None
     ) -> None:
-        """Start lost: particles uniform over a rectangle.
+        """Start lost: particles uniform over a rectangle, see `uniform_poses`.
 
         Parameters
         ----------
@@ -263,24 +313,11 @@ class ParticleFilter:
             Metres.
         heading : float or tuple (from, to), optional
             Radians: the known heading, or an interval of it. By default the whole circle.
-
-        Raises
-        ------
-        ValueError
-            If the bounds are not finite or the wrong way round.
         """
-        low_x, low_y, high_x, high_y = bounds
-        if not (np.isfinite(bounds).all() and low_x <= high_x and low_y <= high_y):
-            raise ValueError(f"bounds: expected finite (xmin, ymin, xmax, ymax), got {bounds}")
-        interval = (-np.pi, np.pi) if heading is None else np.broadcast_to(heading, (2,))
-        low = [low_x, low_y, interval[0]]
-        high = [high_x, high_y, interval[1]]
-        if not (np.isfinite(interval).all() and interval[0] <= interval[1]):
-            raise ValueError(f"heading: expected finite radians, from <= to, got {heading}")
-        self.initialize(self.rng.uniform(low, high, (self.num_particles, 3)))
+        self.initialize(uniform_poses(bounds, self._most, self.rng, heading=heading))
 
     def initialize_gaussian(self, mean: ArrayLike, covariance: ArrayLike) -> None:
-        """Start from a pose that is known up to a covariance.
+        """Start from a pose that is known up to a covariance, see `gaussian_poses`.
 
         Parameters
         ----------
@@ -288,27 +325,8 @@ class ParticleFilter:
             ``[x, y, heading]``.
         covariance : array_like of shape (3, 3)
             Symmetric, no eigenvalue below zero; zeros are allowed.
-
-        Raises
-        ------
-        ValueError
-            If the covariance is none.
         """
-        center = as_poses(mean, "mean")
-        matrix = np.asarray(covariance, dtype=np.float64)
-        if center.shape != (1, 3):
-            raise ValueError(f"mean: expected shape (3,), got {np.shape(mean)}")
-        if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
-            raise ValueError(f"covariance: expected 3 x 3 finite numbers, got {matrix.tolist()}")
-        scale = np.abs(matrix).max()
-        if (np.abs(matrix - matrix.T) > 1e-9 * scale).any():
-            raise ValueError(f"covariance: expected a symmetric matrix, got {matrix.tolist()}")
-        variances, axes = np.linalg.eigh(matrix)
-        if variances[0] < -1e-9 * scale:
-            raise ValueError(f"covariance: expected no eigenvalue below 0, got {variances[0]:.3g}")
-        normals = self.rng.standard_normal((self.num_particles, 3))
-        spread = axes * np.sqrt(np.maximum(variances, 0.0))
-        self.initialize(center + np.einsum("ik,jk->ij", normals, spread))
+        self.initialize(gaussian_poses(mean, covariance, self._most, self.rng))
 
     def state(self) -> FilterState:
         """Give all that the filter has become, to be saved and resumed to the last bit.
@@ -323,8 +341,13 @@ class ParticleFilter:
         ValueError
             If the filter is not initialised.
         """
-        generator = dict(self.rng.bit_generator.state)
-        return FilterState(self.poses, self._weights, generator, self.degenerate_updates)
+        return FilterState(
+            particles=self._particles.copy(),
+            averages=self._averages,
+            generator=dict(self.rng.bit_generator.state),
+            degenerate_updates=self.degenerate_updates,
+            dropped_updates=self.dropped_updates,
+        )
 
     def restore(self, state: FilterState) -> None:
         """Go on from a state, with the models and options that this filter was made with.
@@ -340,8 +363,10 @@ class ParticleFilter:
             If the state is of no random generator that NumPy has.
         """
         self.rng = state.random_generator()
-        self._poses, self._weights = state.poses, state.weights
+        self._started = state.particles.copy(history=self._no_history.length)
+        self._averages = state.averages
         self.degenerate_updates = state.degenerate_updates
+        self.dropped_updates = state.dropped_updates
 
     @property
     def poses(self) -> FloatArray:
@@ -349,27 +374,87 @@ class ParticleFilter:
 
         No call changes it: each makes a new one, so an array held on to stays as it was.
         """
-        if self._poses is None:
-            raise ValueError("the filter is not initialised: call one of its initialize methods")
-        return self._poses
+        return self._particles.poses
 
     @property
     def log_weights(self) -> FloatArray:
         """The particles' log-weights, ``(N,)``, normalised; not a copy, as with `poses`."""
-        return self._weights.log
+        return self._particles.weights.log
 
     @property
     def weights(self) -> FloatArray:
         """The particles' weights, ``(N,)``, their sum is one; not a copy, as with `poses`."""
-        return self._weights.linear
+        return self._particles.weights.linear
 
-    def _log_likelihood(self, observation: Any) -> FloatArray:
+    @property
+    def stamp(self) -> float | None:
+        """Seconds: when the particles are where they are; None if nobody said."""
+        return self._particles.stamp
+
+    @property
+    def _particles(self) -> Particles:
+        if self._started is None:
+            raise ValueError("the filter is not initialised: call one of its initialize methods")
+        return self._started
+
+    @property
+    def _most(self) -> int:
+        """The most particles that there may be."""
+        if isinstance(self.num_particles, KLDSampling):
+            return self.num_particles.max_particles
+        return self.num_particles
+
+    def _wanted(self) -> int:
+        """How many particles there should be."""
+        if isinstance(self.num_particles, KLDSampling):
+            return self.num_particles.sample_size(self.poses, self.weights)
+        return self.num_particles
+
+    def _wrong_size(self) -> bool:
+        """Whether there are more or fewer particles than there may be."""
+        size = len(self._particles)
+        return size > self._most or (size < self._most and self.num_particles == self._most)
+
+    def _propose(self, observation: Any) -> tuple[int, float]:
+        """Append proposals; give how many, and the probability that they stand for."""
+        if self.recovery is None:
+            return 0, 0.0
+        poses, log_weights, probability = self.recovery.propose(
+            observation, self._most, self._averages, self.rng
+        )
+        self._particles.append(poses, log_weights, probability)
+        return len(poses), probability
+
+    def _averages_after(self, log_mean: float) -> LikelihoodAverages:
+        """Take an image into the averages that recovery looks at."""
+        if self.recovery is None:
+            return self._averages
+        return self._averages.after(log_mean, self.recovery.alpha_slow, self.recovery.alpha_fast)
+
+    def _log_likelihood(self, poses: FloatArray, observation: Any) -> FloatArray:
         """Ask the sensor model and check the shape of its answer."""
-        answer = self.sensor.log_likelihood(self.poses, observation)
+        answer = self.sensor.log_likelihood(poses, observation)
         log_likelihood = np.ascontiguousarray(answer, dtype=np.float64)
-        if log_likelihood.shape != (len(self._weights),):
+        if log_likelihood.shape != (len(poses),):
             raise ValueError(
-                f"sensor.log_likelihood: expected shape ({len(self._weights)},), "
-                f"got {log_likelihood.shape}"
+                f"sensor.log_likelihood: expected shape ({len(poses)},), got {log_likelihood.shape}"
             )
+        return log_likelihood
+
+    def _late_log_likelihood(self, observation: Any, stamp: float | None) -> FloatArray | None:
+        """Weigh the particles by where they were at some time; None if that is forgotten.
+
+        Particles that were not there yet are worth the mean of the others.
+        """
+        then = None if stamp is None else self._particles.history.at(stamp)
+        if then is None:
+            return None
+        there = np.isfinite(then).all(axis=1)
+        if not there.any():
+            return None
+        log_likelihood = np.empty(len(then))
+        log_likelihood[there] = self._log_likelihood(then[there], observation)
+        if not there.all():
+            others = Weights.from_log(self.log_weights[there]).times(log_likelihood[there])
+            log_likelihood[~there] = np.nan if others is None else others.log_mean
         return log_likelihood

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pflut.correspondences import ReferenceMatch
+from pflut.correspondences import Correspondences, ReferenceMatch
 from pflut.features import Features, match_many
 from pflut.geometry import FloatArray, as_poses
 from pflut.localization.sensor_kernels import add_reference, link
 from pflut.posterior import Likelihood, check_temperature
-from pflut.reference_map import ReferenceMap
+from pflut.reference_map import NO_FEATURES, ReferenceMap
 
 if TYPE_CHECKING:
     from pflut.features import FeatureExtractor
@@ -119,6 +119,7 @@ class ReferenceImageModel:
         self.min_matches = min_matches
         self.ratio = ratio
         self.mutual = mutual
+        self._last: tuple[Any, Features, dict[int, Correspondences]] = (None, NO_FEATURES, {})
 
     def observe(self, image: NDArray[np.uint8]) -> Features:
         """Turn an image into the features that `log_likelihood` takes.
@@ -140,13 +141,13 @@ class ReferenceImageModel:
             raise ValueError("observation: an image, but the model was made without an extractor")
         return self.extractor(image)
 
-    def match(self, poses: ArrayLike, observation: Any) -> list[ReferenceMatch]:
+    def match(self, poses: ArrayLike | None, observation: Any) -> list[ReferenceMatch]:
         """Match an image with the references worth comparing.
 
         Parameters
         ----------
-        poses : array_like of shape (N, 3)
-            Where the robot may be.
+        poses : array_like of shape (N, 3) or None
+            Where the robot may be; None is anywhere in the map.
         observation : Features, image or sequence of ReferenceMatch
             What was matched already is not matched again: of a matcher of one's own, say.
 
@@ -160,7 +161,7 @@ class ReferenceImageModel:
         ValueError
             If a match is with no reference of the map.
         """
-        checked = as_poses(poses)
+        checked = None if poses is None else as_poses(poses)
         if _is_matched(observation):
             matches = self._near(checked, observation)
         else:
@@ -222,23 +223,28 @@ class ReferenceImageModel:
             )
         return total
 
-    def _matched(self, poses: FloatArray, observation: Any) -> list[ReferenceMatch]:
-        """Match an image with the candidates."""
-        features = observation if isinstance(observation, Features) else self.observe(observation)
+    def _matched(self, poses: FloatArray | None, observation: Any) -> list[ReferenceMatch]:
+        """Match an image with the candidates; of the last image what is known is remembered."""
+        if self._last[0] is not observation:
+            known = isinstance(observation, Features)
+            self._last = observation, observation if known else self.observe(observation), {}
+        _, features, matched = self._last
         indices = self.reference_map.candidates(
             features, poses, max_range=self.max_range, max_candidates=self.max_candidates
         )
+        new = [int(index) for index in indices if int(index) not in matched]
         pairs = match_many(
-            [self.reference_map.features[i] for i in indices],
+            [self.reference_map.features[i] for i in new],
             features,
             ratio=self.ratio,
             mutual=self.mutual,
         )
-        return [
-            ReferenceMatch(int(index), pair) for index, pair in zip(indices, pairs, strict=True)
-        ]
+        matched.update(zip(new, pairs, strict=True))
+        return [ReferenceMatch(int(index), matched[int(index)]) for index in indices]
 
-    def _near(self, poses: FloatArray, matches: Sequence[ReferenceMatch]) -> list[ReferenceMatch]:
+    def _near(
+        self, poses: FloatArray | None, matches: Sequence[ReferenceMatch]
+    ) -> list[ReferenceMatch]:
         """Keep the matches with references that are in range of a pose."""
         for match in matches:
             if not 0 <= match.index < len(self.reference_map):
@@ -246,6 +252,8 @@ class ReferenceImageModel:
                     f"observation: expected matches with references 0 to "
                     f"{len(self.reference_map) - 1}, got {match.index}"
                 )
+        if poses is None:
+            return list(matches)
         nearness = self.reference_map.nearness(poses, max_range=self.max_range)
         return [match for match in matches if nearness[match.index] > 0.0]
 

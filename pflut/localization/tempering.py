@@ -60,3 +60,30 @@ def tempering_exponent(weights: Weights, log_likelihood: FloatArray, min_share: 
         middle = 0.5 * (low + high)
         low, high = (middle, high) if enough(middle) else (low, middle)
     return low
+
+
+def tempered(
+    before: Weights, after: Weights, log_likelihood: FloatArray, min_share: float
+) -> tuple[Weights, float]:
+    """Flatten an observation where it leaves too few effective particles.
+
+    Parameters
+    ----------
+    before, after : Weights
+        By Bayes' rule.
+    log_likelihood : ndarray of shape (N,)
+        Of the observation.
+    min_share : float
+        As in `tempering_exponent`.
+
+    Returns
+    -------
+    weights : Weights
+        ``after`` where it leaves enough.
+    exponent : float
+    """
+    if after.effective_sample_size >= min_share * len(after):
+        return after, 1.0
+    exponent = tempering_exponent(before, log_likelihood, min_share)
+    flattened = before.times(exponent * log_likelihood)
+    return (after, exponent) if flattened is None else (flattened, exponent)

@@ -116,6 +116,10 @@ class Weights:
             raise ValueError(f"log_weights: expected {n}, one a pose, got {len(weights)}")
         return weights
 
+    def share_of_last(self, count: int) -> float:
+        """Give the share of the weight that the last ``count`` particles have."""
+        return float(self.linear[len(self) - count :].sum()) if count else 0.0
+
     def times(self, log_likelihood: FloatArray) -> Weights | None:
         """Multiply by likelihoods and normalise.
 

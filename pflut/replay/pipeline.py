@@ -15,6 +15,7 @@ from pflut.geometry import FloatArray
 from pflut.localization.localizer import Localizer, Step
 from pflut.localization.motion import DifferentialDrive, Omnidirectional
 from pflut.localization.particle_filter import ParticleFilter
+from pflut.localization.resampling_policy import EffectiveSizeBelow
 from pflut.posterior import Likelihood
 from pflut.reference_map import ReferenceMap
 from pflut.replay.each import localize_each
@@ -179,7 +180,7 @@ def make_filter(dataset: Dataset, sensor: ReplaySensor, options: ReplayOptions) 
         sensor,
         num_particles=options.num_particles,
         resampling=options.resampling,
-        ess_threshold=options.ess_threshold,
+        resample_when=EffectiveSizeBelow(options.ess_threshold),
         min_effective_share=options.min_effective_share,
         rng=options.seed,
     )

@@ -71,7 +71,7 @@ class ReplaySensor(ReferenceImageModel):
             return super().observe(image)
         return self.cache(self.extractor, image)
 
-    def match(self, poses: ArrayLike, observation: Any) -> list[ReferenceMatch]:
+    def match(self, poses: ArrayLike | None, observation: Any) -> list[ReferenceMatch]:
         """Match an image with the references worth comparing, by the clock."""
         start = perf_counter()
         self.matches = super().match(poses, observation)
