@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from pflut.geometry import FloatArray, as_poses, wrap_to_pi
 from pflut.localization.estimate import METHODS, Estimate, summarize
 from pflut.localization.filter_state import FilterState
+from pflut.localization.gaussian import as_gaussian, square_root
 from pflut.localization.motion import MotionModel
 from pflut.localization.resampling import Resampler, get_resampler, take
 from pflut.localization.tempering import tempering_exponent
@@ -294,21 +295,9 @@ class ParticleFilter:
         ValueError
             If the covariance is none.
         """
-        center = as_poses(mean, "mean")
-        matrix = np.asarray(covariance, dtype=np.float64)
-        if center.shape != (1, 3):
-            raise ValueError(f"mean: expected shape (3,), got {np.shape(mean)}")
-        if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
-            raise ValueError(f"covariance: expected 3 x 3 finite numbers, got {matrix.tolist()}")
-        scale = np.abs(matrix).max()
-        if (np.abs(matrix - matrix.T) > 1e-9 * scale).any():
-            raise ValueError(f"covariance: expected a symmetric matrix, got {matrix.tolist()}")
-        variances, axes = np.linalg.eigh(matrix)
-        if variances[0] < -1e-9 * scale:
-            raise ValueError(f"covariance: expected no eigenvalue below 0, got {variances[0]:.3g}")
+        center, matrix = as_gaussian(mean, covariance)
         normals = self.rng.standard_normal((self.num_particles, 3))
-        spread = axes * np.sqrt(np.maximum(variances, 0.0))
-        self.initialize(center + np.einsum("ik,jk->ij", normals, spread))
+        self.initialize(center + np.einsum("ik,kj->ij", normals, square_root(matrix)))
 
     def state(self) -> FilterState:
         """Give all that the filter has become, to be saved and resumed to the last bit.
