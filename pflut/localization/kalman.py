@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pflut.geometry import FloatArray, wrap_to_pi
+from pflut.localization.clues import Clues
 from pflut.localization.dead_reckoning import DeadReckoning, GaussianMotion
 from pflut.localization.estimate import Estimate
 from pflut.localization.gaussian import square_root
@@ -106,7 +107,7 @@ class KalmanFilter(DeadReckoning, ABC):
         motion: GaussianMotion,
         sensor: RelativePoseModel,
         *,
-        gate: float = 0.999,
+        gate: float = 0.99,
         iterations: int = 5,
         min_agreeing: float = 0.5,
         relocalize_after: int | None = 3,
@@ -130,11 +131,12 @@ class KalmanFilter(DeadReckoning, ABC):
         self.relocalize_after = relocalize_after
         self.min_fixes = min_fixes
         # the chi-square distribution's quantiles, by degrees of freedom
-        one = NormalDist().inv_cdf(0.5 + 0.5 * gate) ** 2
+        one = NormalDist().inv_cdf(0.5 - 0.5 * gate) ** 2
         self._limits = {1: one, 2: -2.0 * float(np.log1p(-gate))}
         self._bounds = sensor.reference_map.bounds(MARGIN)
         self._lost = False
         self._contradictions = 0
+        self._clues = Clues()
 
     @property
     def lost(self) -> bool:
@@ -145,6 +147,7 @@ class KalmanFilter(DeadReckoning, ABC):
         """Start from a pose that is known up to a covariance, see `DeadReckoning`."""
         super().initialize_gaussian(mean, covariance)
         self._lost, self._contradictions = False, 0
+        self._clues.forget()
 
     def initialize_lost(self, bounds: tuple[float, float, float, float]) -> None:
         """Start lost: the first images that tell where the robot is start the filter.
@@ -173,6 +176,7 @@ class KalmanFilter(DeadReckoning, ABC):
     def predict(self, odometry: ArrayLike) -> None:
         """Move the pose by the odometry, see `DeadReckoning`; a lost robot stays lost."""
         increment = self.motion.increment(odometry)
+        self._clues.move(increment)
         if not self._lost:
             self._set(*self._moved(increment))
 
@@ -208,6 +212,8 @@ class KalmanFilter(DeadReckoning, ABC):
         if self._lost or gone:
             elsewhere = self._search(observation)
             found = elsewhere if elsewhere is not None else found
+        else:
+            self._clues.forget()
         if found is None:
             self.degenerate_updates += 1
         return replace(
@@ -269,22 +275,31 @@ class KalmanFilter(DeadReckoning, ABC):
         )
 
     def _search(self, observation: Any) -> float | None:
-        """Look for the robot everywhere; None where too few relative poses agree on a pose."""
+        """Look for the robot everywhere; None where too few relative poses agree on a pose.
+
+        The likelihood of the last images is highest somewhere on a lattice of poses of the first
+        of them; from there the filter goes through them all.
+        """
         lattice = pose_lattice(self._bounds, spacing=SPACING, num_headings=NUM_HEADINGS)
         fixes = self.sensor.fixes(lattice, observation)
-        if len(fixes) < self.min_fixes:
+        self._clues.see(fixes)
+        if not fixes or len(self._clues) < self.min_fixes:
             return None
-        blunt = [
-            replace(fix, covariance=fix.covariance + SEARCH_STD**2 * np.eye(2)) for fix in fixes
-        ]
-        best = lattice[self.sensor.log_likelihood_of_fixes(lattice, blunt).argmax()]
         before = self.pose, self._covariance
-        self._set(best, np.diag(np.square([SPACING, SPACING, 2.0 * np.pi / NUM_HEADINGS])))
-        agreeing, log_likelihood = self._correct(fixes)
-        if agreeing < max(self.min_agreeing * len(fixes), self.min_fixes):
+        values = self._clues.log_likelihood(self.sensor, lattice, std=SEARCH_STD)
+        spread = np.diag(np.square([SPACING, SPACING, 2.0 * np.pi / NUM_HEADINGS]))
+        self._set(lattice[values.argmax()], spread)
+        agreeing = 0
+        for fixes, increments in self._clues:
+            passing, log_likelihood = self._correct(fixes)
+            agreeing += passing
+            for increment in increments:
+                self._set(*self._moved(increment))
+        if agreeing < max(self.min_agreeing * len(self._clues), self.min_fixes):
             self._set(*before)
             return None
         self._lost, self._contradictions = False, 0
+        self._clues.forget()
         return log_likelihood
 
     @abstractmethod
