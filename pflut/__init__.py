@@ -27,14 +27,18 @@ if TYPE_CHECKING:
     from pflut.likelihood.dense import DenseTable as DenseTable
     from pflut.likelihood.files import load_table as load_table
     from pflut.likelihood.table import LikelihoodTable as LikelihoodTable
+    from pflut.localization.dead_reckoning import DeadReckoning as DeadReckoning
     from pflut.localization.estimate import Estimate as Estimate
     from pflut.localization.filter_state import FilterState as FilterState
     from pflut.localization.global_search import GlobalSearch as GlobalSearch
+    from pflut.localization.kalman import ExtendedKalmanFilter as ExtendedKalmanFilter
+    from pflut.localization.kalman import UnscentedKalmanFilter as UnscentedKalmanFilter
     from pflut.localization.localizer import Localizer as Localizer
     from pflut.localization.motion import DifferentialDrive as DifferentialDrive
     from pflut.localization.motion import Omnidirectional as Omnidirectional
     from pflut.localization.particle_filter import ParticleFilter as ParticleFilter
     from pflut.localization.reference_image_model import ReferenceImageModel as ReferenceImageModel
+    from pflut.localization.relative_pose_model import RelativePoseModel as RelativePoseModel
     from pflut.posterior import GridPosterior as GridPosterior
     from pflut.posterior import pose_posterior as pose_posterior
     from pflut.reference_map import ReferenceMap as ReferenceMap
@@ -54,8 +58,10 @@ _NAMES = {
     "CorrespondenceSimulator": "simulation.correspondences",
     "Coverage": "calibration",
     "Dataset": "datasets.base",
+    "DeadReckoning": "localization.dead_reckoning",
     "DifferentialDrive": "localization.motion",
     "Estimate": "localization.estimate",
+    "ExtendedKalmanFilter": "localization.kalman",
     "FeatureExtractor": "features",
     "FilterState": "localization.filter_state",
     "Features": "features",
@@ -71,7 +77,9 @@ _NAMES = {
     "ReferenceMap": "reference_map",
     "ReferenceMatch": "correspondences",
     "RelativePose": "relpose.result",
+    "RelativePoseModel": "localization.relative_pose_model",
     "Trajectory": "trajectory",
+    "UnscentedKalmanFilter": "localization.kalman",
     "coverage": "calibration",
     "estimate_relative_pose": "relpose.estimate",
     "estimate_relative_poses": "relpose.search",

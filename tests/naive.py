@@ -694,6 +694,43 @@ def reference_log_likelihood(pose, reference, table, turns, near, ramp, reach):
     return value * min(1.0, (reach - distance) / (reach - ramp))
 
 
+# --- relative poses as a sensor -------------------------------------------------------------------
+
+
+def normal_density(values, covariance):
+    """The density of a normal distribution around zero."""
+    values, covariance = np.atleast_1d(values), np.atleast_2d(covariance)
+    squared = values @ np.linalg.inv(covariance) @ values
+    return math.exp(-0.5 * squared) / math.sqrt(np.linalg.det(2 * math.pi * covariance))
+
+
+def angle_between(a, b):
+    """a - b by way of the unit circle."""
+    return math.atan2(math.sin(a - b), math.cos(a - b))
+
+
+def relative_pose_log_likelihood(pose, fixes, linked, near, reach):
+    """Sum over (reference, headings, covariance): a normal peak on a floor, in ratio to uniform."""
+    total = 0.0
+    for reference, headings, c in fixes:
+        dx, dy = pose[0] - reference[0], pose[1] - reference[1]
+        distance = math.hypot(dx, dy)
+        if distance >= reach:
+            continue
+        theta = angle_between(headings[0], math.atan2(dy, dx) - reference[2])
+        phi = angle_between(headings[1], math.atan2(-dy, -dx) - pose[2])
+        both = (2 * math.pi) ** 2 * normal_density([theta, phi], c)
+        rotation = (
+            2 * math.pi * normal_density(angle_between(theta, phi), c[0][0] - 2 * c[0][1] + c[1][1])
+        )
+        share = min(distance / near, 1.0) if near > 0 else 1.0
+        share = 3 * share**2 - 2 * share**3
+        value = share * math.log(1 - linked + linked * both)
+        value += (1 - share) * math.log(1 - linked + linked * rotation)
+        total += value * min(4 * (reach - distance) / reach, 1.0)
+    return total
+
+
 # --- the simulated home ---------------------------------------------------------------------------
 
 

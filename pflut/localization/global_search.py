@@ -11,6 +11,7 @@ from pflut.correspondences import ReferenceMatch
 from pflut.geometry import TWO_PI, FloatArray, wrap_to_pi
 from pflut.likelihood.table import bearing_columns
 from pflut.localization.estimate import Estimate, estimate_from_particles
+from pflut.localization.initial_poses import Bounds, check_bounds
 from pflut.localization.reference_image_model import ReferenceImageModel
 from pflut.relpose.refine import CUTOFFS, STEPS_PER_CUTOFF
 from pflut.relpose.refine_kernels import refine_pose
@@ -39,9 +40,8 @@ def pose_lattice(
     ValueError
         If the bounds are empty or the spacing is not positive.
     """
+    check_bounds(bounds)
     low_x, low_y, high_x, high_y = bounds
-    if not np.isfinite(bounds).all() or low_x > high_x or low_y > high_y:
-        raise ValueError(f"bounds: expected finite (xmin, ymin, xmax, ymax), got {bounds}")
     if not spacing > 0.0 or num_headings < 1:
         raise ValueError(
             f"expected a positive spacing and at least one heading, got {spacing}, {num_headings}"
@@ -78,7 +78,7 @@ class GlobalSearch:
     """
 
     sensor: ReferenceImageModel
-    bounds: tuple[float, float, float, float] | None = None
+    bounds: Bounds | None = None
     margin: float = 1.0
     spacing: float = 0.1
     num_headings: int = 120

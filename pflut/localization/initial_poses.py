@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pflut.geometry import FloatArray, as_poses
+from pflut.geometry import FloatArray
+from pflut.localization.gaussian import as_gaussian, square_root
 
 Bounds = tuple[float, float, float, float]
 """A rectangle (xmin, ymin, xmax, ymax), metres."""
@@ -82,18 +83,6 @@ def gaussian_poses(
     ValueError
         If the mean is no pose or the covariance is none.
     """
-    center = as_poses(mean, "mean")
-    if center.shape != (1, 3):
-        raise ValueError(f"mean: expected shape (3,), got {np.shape(mean)}")
-    matrix = np.asarray(covariance, dtype=np.float64)
-    if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
-        raise ValueError(f"covariance: expected 3 x 3 finite numbers, got {matrix.tolist()}")
-    scale = np.abs(matrix).max()
-    if (np.abs(matrix - matrix.T) > 1e-9 * scale).any():
-        raise ValueError(f"covariance: expected a symmetric matrix, got {matrix.tolist()}")
-    variances, axes = np.linalg.eigh(matrix)
-    if variances[0] < -1e-9 * scale:
-        raise ValueError(f"covariance: expected no eigenvalue below 0, got {variances[0]:.3g}")
-    spread = axes * np.sqrt(np.maximum(variances, 0.0))
-    poses: FloatArray = center + np.einsum("ik,jk->ij", rng.standard_normal((n, 3)), spread)
+    center, matrix = as_gaussian(mean, covariance)
+    poses: FloatArray = center + rng.standard_normal((n, 3)) @ square_root(matrix)
     return poses

@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 
 from pflut.geometry import FloatArray
 from pflut.localization.estimate import Estimate
-from pflut.localization.particle_filter import ParticleFilter
+
+
+class Filter(Protocol):
+    """What the localizer asks of a filter: `ParticleFilter` has it, and its baselines have."""
+
+    sensor: Any
+
+    def predict(self, odometry: FloatArray, /, *, stamp: float | None = None) -> None: ...  # noqa: D102
+
+    def update(self, observation: Any, /, *, stamp: float | None = None) -> Estimate: ...  # noqa: D102
 
 
 class Drive(Protocol):
@@ -76,7 +85,8 @@ class Localizer:
     dataset : Dataset
         With odometry.
     pf : ParticleFilter
-        Initialised where the robot may be at the first image; the first image is an update
+        Or another filter with ``predict`` and ``update``, as `ExtendedKalmanFilter` or
+        `DeadReckoning`. Initialised where the robot may be at the first image; that is an update
         without a predict.
     observations : callable, optional
         ``(index) -> observation`` for the sensor, instead of the dataset's image: features that
@@ -101,7 +111,7 @@ class Localizer:
     def __init__(
         self,
         dataset: Drive,
-        pf: ParticleFilter,
+        pf: Filter,
         *,
         observations: Callable[[int], Any] | None = None,
         indices: Sequence[int] | None = None,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pflut._jit import jit
-from pflut.geometry import TWO_PI, FloatArray, as_poses
+from pflut.geometry import TWO_PI, FloatArray, as_poses, wrap_to_pi
 
 HALF_PI = 0.5 * np.pi
 
@@ -104,19 +104,72 @@ def _check_parameters(model: DifferentialDrive | Omnidirectional) -> None:
             raise ValueError(f"{field.name}: expected a finite number >= 0, got {value}")
 
 
-def _sample(
-    poses: ArrayLike,
-    normals: NDArray[np.float64],
-    rows: tuple[int, int, int, int],
-    motion: list[float],
-    variances: list[float],
-) -> FloatArray:
-    """Hand the kernel its arrays; ``rows`` says which normals serve which noise."""
-    particles = as_poses(poses)
-    out = np.empty_like(particles)
-    a, b, c, d = (normals[row] for row in rows)
-    _move(particles, a, b, c, d, np.array(motion), np.sqrt(np.array(variances)), out)
-    return out
+@dataclass(frozen=True)
+class Increment:
+    """A motion and the variances of its noise: translate along a direction, then turn.
+
+    Parameters
+    ----------
+    direction, translation, rotation : float
+        Of the translation in the robot's old frame (radians, metres); the change of heading.
+    variances : tuple of 4 floats
+        Of independent normal noise: of the direction, which turns the robot as well; along the
+        translation and across it; of the heading.
+    """
+
+    direction: float
+    translation: float
+    rotation: float
+    variances: tuple[float, float, float, float]
+
+    def sample(
+        self, poses: ArrayLike, normals: NDArray[np.float64], rows: tuple[int, int, int, int]
+    ) -> FloatArray:
+        """Move poses by it, each with noise of its own.
+
+        Parameters
+        ----------
+        poses : array_like of shape (N, 3)
+        normals : ndarray of shape (k, N)
+            Standard normal numbers.
+        rows : tuple of 4 ints
+            Which of them serve which noise: what has no variance takes any.
+
+        Returns
+        -------
+        ndarray of shape (N, 3)
+            Headings in (-pi, pi].
+        """
+        particles = as_poses(poses)
+        out = np.empty_like(particles)
+        a, b, c, d = (normals[row] for row in rows)
+        motion = np.array([self.direction, self.translation, self.rotation])
+        _move(particles, a, b, c, d, motion, np.sqrt(np.array(self.variances)), out)
+        return out
+
+    def linearized(self, pose: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Move one pose without noise, and say to first order what comes of its uncertainty.
+
+        Parameters
+        ----------
+        pose : ndarray of shape (3,)
+
+        Returns
+        -------
+        moved : ndarray of shape (3,)
+            Heading in (-pi, pi].
+        jacobian : ndarray of shape (3, 3)
+            Of the new pose with respect to the old one.
+        covariance : ndarray of shape (3, 3)
+            Of the new pose where the old one is known: the four noises, seen in the world.
+        """
+        angle = pose[2] + self.direction
+        cos, sin, d = np.cos(angle), np.sin(angle), self.translation
+        moved = np.add(pose, [d * cos, d * sin, self.rotation])
+        moved[2] = wrap_to_pi(moved[2])
+        jacobian = np.array([[1.0, 0.0, -d * sin], [0.0, 1.0, d * cos], [0.0, 0.0, 1.0]])
+        noise = np.array([[-d * sin, cos, -sin, 0.0], [d * cos, sin, cos, 0.0], [1.0, 0, 0, 1.0]])
+        return moved, jacobian, (noise * self.variances) @ noise.T
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -203,6 +256,29 @@ class DifferentialDrive:
         ValueError
             If the poses or the odometry have another shape or are not finite.
         """
+        increment = self.increment(odometry)
+        # without a floor nothing moves sideways, and its normals need not be drawn
+        rows = (0, 1, 3, 2) if self.position_noise > 0.0 else (0, 1, 1, 2)
+        normals = np.random.default_rng(rng).standard_normal((max(rows) + 1, _count(poses)))
+        return increment.sample(poses, normals, rows)
+
+    def increment(self, odometry: ArrayLike) -> Increment:
+        """Split an odometry increment and give each part its noise.
+
+        Parameters
+        ----------
+        odometry : array_like of shape (3,)
+            ``[dx, dy, dheading]``, the motion in the robot's own old frame.
+
+        Returns
+        -------
+        Increment
+
+        Raises
+        ------
+        ValueError
+            If it is not three finite numbers.
+        """
         dx, dy, rotation = _as_odometry(odometry)
         translation = float(np.hypot(dx, dy))
         first = float(np.arctan2(dy, dx)) if translation > 0.0 else 0.0
@@ -213,18 +289,15 @@ class DifferentialDrive:
             first2, second2 = 0.0, _from_zero(rotation) ** 2
         rotated, moved = self.rotation_noise_from_rotation, self.rotation_noise_from_translation
         floor = self.position_noise**2  # isotropic: the same along and across the motion
-        variances = [
+        variances = (
             rotated * first2 + moved * translation**2,
             self.translation_noise_from_translation * translation**2
             + self.translation_noise_from_rotation * (first2 + second2)
             + floor,
             floor,
             rotated * second2 + moved * translation**2 + self.heading_noise**2,
-        ]
-        # without a floor nothing moves sideways, and its normals need not be drawn
-        rows = (0, 1, 3, 2) if floor > 0.0 else (0, 1, 1, 2)
-        normals = np.random.default_rng(rng).standard_normal((max(rows) + 1, _count(poses)))
-        return _sample(poses, normals, rows, [first, translation, rotation], variances)
+        )
+        return Increment(first, translation, rotation, variances)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -297,21 +370,41 @@ class Omnidirectional:
         ValueError
             If the poses or the odometry have another shape or are not finite.
         """
+        increment = self.increment(odometry)
+        normals = np.random.default_rng(rng).standard_normal((3, _count(poses)))
+        return increment.sample(poses, normals, (0, 0, 1, 2))
+
+    def increment(self, odometry: ArrayLike) -> Increment:
+        """Split an odometry increment and give each part its noise.
+
+        Parameters
+        ----------
+        odometry : array_like of shape (3,)
+            ``[dx, dy, dheading]``, the motion in the robot's own old frame.
+
+        Returns
+        -------
+        Increment
+
+        Raises
+        ------
+        ValueError
+            If it is not three finite numbers.
+        """
         dx, dy, rotation = _as_odometry(odometry)
         translation = float(np.hypot(dx, dy))
         direction = float(np.arctan2(dy, dx)) if translation > 0.0 else 0.0
         moved2, turned2 = translation**2, _from_zero(rotation) ** 2
         from_turning = self.translation_noise_from_rotation * turned2 + self.position_noise**2
-        variances = [
+        variances = (
             0.0,
             self.translation_noise_from_translation * moved2 + from_turning,
             self.strafe_noise_from_translation * moved2 + from_turning,
             self.rotation_noise_from_rotation * turned2
             + self.rotation_noise_from_translation * moved2
             + self.heading_noise**2,
-        ]
-        normals = np.random.default_rng(rng).standard_normal((3, _count(poses)))
-        return _sample(poses, normals, (0, 0, 1, 2), [direction, translation, rotation], variances)
+        )
+        return Increment(direction, translation, rotation, variances)
 
 
 def _count(poses: ArrayLike) -> int:

@@ -109,7 +109,7 @@ def replay_dataset(
         pf = make_filter(dataset, sensor, options)
         localizer = Localizer(dataset, pf)
         total, skipped = len(localizer), localizer.skipped
-        located = _drive(localizer, sensor, keep_particles, snapshots)
+        located = _drive(localizer, pf, sensor, keep_particles, snapshots)
     if not total:
         raise ValueError(f"{dataset.name}: no image to localize has odometry")
 
@@ -138,20 +138,21 @@ def replay_dataset(
 
 def _drive(
     localizer: Localizer,
+    pf: ParticleFilter,
     sensor: ReplaySensor,
     keep_particles: Container[int],
     snapshots: dict[int, tuple[FloatArray, FloatArray]],
 ) -> Iterator[tuple[Step, list[ReferenceMatch]]]:
     """Drive the localizer; tell the stages of an update apart and keep some particles."""
     if START in keep_particles:
-        snapshots[START] = (localizer.pf.poses, localizer.pf.log_weights)
+        snapshots[START] = (pf.poses, pf.log_weights)
     for number, step in enumerate(localizer):
         timings = dict(step.timings)
         update = timings.pop("update")
         timings |= sensor.seconds
         timings["weights"] = update - sum(sensor.seconds.values())
         if number in keep_particles:
-            snapshots[number] = (localizer.pf.poses, localizer.pf.log_weights)
+            snapshots[number] = (pf.poses, pf.log_weights)
         yield replace(step, timings=timings), sensor.matches
 
 
