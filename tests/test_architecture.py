@@ -34,6 +34,7 @@ ORDER = [
     "calibration comparison",
     "environment",
     "replay",
+    "campaign",
     "results",
     "cli",
 ]

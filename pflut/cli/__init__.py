@@ -11,7 +11,7 @@ import sys
 from collections.abc import Sequence
 
 import pflut
-from pflut.cli import dataset, info, lut, relpose, replay, simulate
+from pflut.cli import compare, dataset, info, lut, relpose, replay, simulate
 
 INTERRUPTED = 130
 
@@ -19,7 +19,7 @@ _EPILOG = """\
 examples:
   pflut replay                            the simulated home, globally lost (rendered once)
   pflut replay DRIVE --start truth        a folder dataset, KITTI odometry or a home of ZInD
-  pflut simulate --seeds 20               twenty simulated homes and drives
+  pflut simulate --seeds 20               twenty simulated drives, globally lost
   pflut relpose a.png b.png --camera camera.toml
   pflut info                              versions, folders, datasets that are there
 
@@ -38,7 +38,7 @@ def make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"pflut {pflut.__version__}")
     verbs = parser.add_subparsers(title="verbs", dest="verb", metavar="VERB", required=True)
-    for verb in (replay, simulate, relpose, lut, dataset, info):
+    for verb in (replay, simulate, compare, relpose, lut, dataset, info):
         verb.add_parser(verbs)
     return parser
 

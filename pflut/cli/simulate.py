@@ -18,18 +18,25 @@ from pflut.cli.arguments import (
 )
 
 _DETAILS = """\
-Each seed is a home of its own with a mapping drive, a later test drive and odometry; it is
-rendered at its first use (about half a minute). The test drive is replayed, by default globally
-lost. With --home-seed the home is one and the same, and the seeds vary filter and odometry.
+Homes of landmarks (--world landmarks) give the filter matches at once: a drive takes about a
+second. Rendered homes give it images: each takes about half a minute at its first use. Every seed
+is another drive.
 
-Each drive's result is kept in the output folder as soon as it is done: the same command goes on
-where it was interrupted."""
+Scenarios: tracking, global (starts lost), kidnapped, dark, crowded, corridor, sparse, odometry,
+mismatches; rendered homes have tracking, global, kidnapped, crowded, sparse and odometry.
+Filters: pflut, paper (the paper's table), ransac (RANSAC's poses as Gaussians), ekf-ransac, ekf-ml,
+ukf-ransac, ukf-ml (Kalman filters), odometry. "all" are all of them.
+
+Each drive's outcome is kept in the output folder as soon as it is done: the same command goes on
+where it was interrupted, and further scenarios and filters are added to it."""
 
 _EXAMPLES = """\
-  pflut simulate --seeds 20                         seeds 0 to 19, globally lost
-  pflut simulate --seeds 3..10 --start truth        seeds 3 to 10, known start
-  pflut simulate --seeds 50 --home-seed 0           one home, fifty filters
-  pflut simulate --seeds 20 --output results/lost   again: goes on, or sums up
+  pflut simulate                                        20 drives, globally lost
+  pflut simulate --scenario kidnapped --seeds 200       is it found again?
+  pflut simulate --scenario all --filter all            the whole table
+  pflut simulate --world rendered --scenario tracking --seeds 3..10
+  pflut simulate --home-seed 0 --seeds 50               one home
+  pflut simulate --seeds 200 --output results/lost      again: goes on, or sums up
 """
 
 
@@ -38,10 +45,30 @@ def add_parser(verbs: Subparsers) -> None:
     parser = add_verb(
         verbs,
         "simulate",
-        "replay many simulated drives and count how many are localized",
+        "localize robots along many simulated drives and count successes",
         usage="[options]",
         details=_DETAILS,
         examples=_EXAMPLES,
+    )
+    parser.add_argument(
+        "--world",
+        choices=("landmarks", "rendered"),
+        default="landmarks",
+        help="homes of landmarks, or of images (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--scenario",
+        metavar="NAME[,NAME]",
+        type=_names,
+        default="global",
+        help="what is hard about the drives (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--filter",
+        metavar="NAME[,NAME]",
+        type=_names,
+        default="pflut",
+        help="what localizes the robot (default: %(default)s)",
     )
     parser.add_argument(
         "--seeds",
@@ -51,21 +78,14 @@ def add_parser(verbs: Subparsers) -> None:
         help="how many, from 0; or from A to B (default: %(default)s)",
     )
     parser.add_argument(
-        "--home-seed", metavar="N", type=natural, help="one home for all (default: one a seed)"
-    )
-    parser.add_argument(
-        "--people",
-        metavar="N",
-        type=natural,
-        default=0,
-        help="walking about during the test drive (default: %(default)s)",
+        "--home-seed", metavar="N", type=natural, help="one home for all (default: several)"
     )
     parser.add_argument(
         "--motion-blur",
         metavar="SECONDS",
         type=float,
         default=0.0,
-        help="exposure of its images (default: %(default)s)",
+        help="exposure of rendered images (default: %(default)s)",
     )
     parser.add_argument(
         "--max-images",
@@ -77,8 +97,15 @@ def add_parser(verbs: Subparsers) -> None:
         "--within",
         metavar="N",
         type=positive,
-        default=10,
+        default=6,
         help="a success converges within N images (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--recovered-within",
+        metavar="N",
+        type=positive,
+        default=15,
+        help="and is found again within N images (default: %(default)s)",
     )
     parser.add_argument("--jobs", metavar="N", type=positive, help="processes (default: all cores)")
     parser.add_argument(
@@ -95,6 +122,7 @@ def add_parser(verbs: Subparsers) -> None:
         parser,
         leave_out=(
             "seed",
+            "start",
             "search_spacing",
             "search_headings",
             "search_noise",
@@ -107,94 +135,82 @@ def add_parser(verbs: Subparsers) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Replay, sum up and print."""
+    """Run the drives, sum up and print."""
     options = replay_options(arguments)
+    parser: argparse.ArgumentParser = arguments.parser
 
-    from pflut._files import write_json
+    from pflut.campaign.course import RENDERED
+    from pflut.campaign.drives import Campaign, run_campaign
+    from pflut.campaign.filters import FILTERS
+    from pflut.cli.campaign_report import kept, write_report
     from pflut.cli.progress import Bars
     from pflut.likelihood.sampling import available_cores
-    from pflut.replay.seeds import drive_file, replay_seeds, summarize_seeds
-    from pflut.replay.tables import choose_table, table_record
+    from pflut.replay.tables import choose_table
     from pflut.results import create_results_folder, run_record
+    from pflut.simulation.scenarios import SCENARIOS
 
+    known = tuple(SCENARIOS) if arguments.world == "landmarks" else RENDERED
+    try:
+        campaign = Campaign(
+            world=arguments.world,
+            scenarios=known if arguments.scenario == ("all",) else arguments.scenario,
+            filters=tuple(FILTERS) if arguments.filter == ("all",) else arguments.filter,
+            options=options,
+            home_seed=arguments.home_seed,
+            motion_blur=arguments.motion_blur,
+            max_images=arguments.max_images,
+        )
+    except ValueError as error:
+        name, _, text = str(error).partition(":")
+        parser.error(f"argument --{name.replace('_', '-')}:{text}")
     with Bars() as bars:
         # before the folder is there, and with a bar where it is learned
-        table = choose_table(options.table, bins=options.bins, progress=bars.stage("table"))
+        tables = {options.table, *(("dense",) if "paper" in campaign.filters else ())}
+        for table in sorted(tables):
+            choose_table(table, bins=options.bins, progress=bars.stage("table"))
     begun = arguments.output is not None and (arguments.output / "settings.json").is_file()
     folder = create_results_folder(arguments.output, "simulate", overwrite=begun)
-    record = run_record(
-        command_line(),
-        arguments=as_json(arguments),
-        options=options.as_dict(),
-        table=table_record(options.table, table),
-    )
-    runs = []
+    record = run_record(command_line(), arguments=as_json(arguments), **campaign.record())
+    done = []
+    total = len(arguments.seeds) * len(campaign.scenarios) * len(campaign.filters)
     with Bars() as bars:
         try:
-            bars("drives", 0, len(arguments.seeds))
+            bars("drives", 0, total)
             # closed, so that no process goes on while the drives are counted
             with closing(
-                replay_seeds(
+                run_campaign(
+                    campaign,
                     arguments.seeds,
                     folder,
-                    options,
                     jobs=arguments.jobs or available_cores(),
-                    home_seed=arguments.home_seed,
-                    people=arguments.people,
-                    motion_blur=arguments.motion_blur,
-                    max_images=arguments.max_images,
                     cached=not arguments.no_cache,
                 )
             ) as drives:
                 for drive in drives:
-                    runs.append(drive)
-                    bars("drives", len(runs), len(arguments.seeds))
+                    done.append(drive)
+                    bars("drives", len(done), total)
         except KeyboardInterrupt:
             # a drive is kept before it is handed on: the files count
-            kept = sum(drive_file(folder, seed).is_file() for seed in arguments.seeds)
             raise KeyboardInterrupt(
-                f"{kept} of {len(arguments.seeds)} drives are kept in {folder}; the same "
-                f"command with --output {folder} goes on"
+                f"{kept(folder, campaign, arguments.seeds)} of {total} drives are kept in "
+                f"{folder}; the same command with --output {folder} goes on"
             ) from None
-    runs.sort(key=lambda drive: drive.seed)
-    summary = summarize_seeds(runs, within=arguments.within)
-    write_json(folder / "metrics.json", summary)
-    write_json(folder / "run.json", record)
-    if not arguments.no_figures:
-        from pflut.plot import save_figure
-        from pflut.replay.figures import seeds_figure
-
-        (folder / "figures").mkdir(exist_ok=True)
-        save_figure(seeds_figure(runs, within=arguments.within), folder / "figures" / "drives.png")
-
-    print(f"{'seed':>6}{'images':>8}{'converged at':>14}{'position [m]':>14}{'heading [deg]':>15}")
-    for drive in runs:
-        at = "-" if drive.converged_at is None else str(drive.converged_at + 1)
-        errors = (
-            f"{'-':>14}{'-':>15}"
-            if drive.position_m is None or drive.heading_deg is None
-            else f"{drive.position_m:>14.3f}{drive.heading_deg:>15.3f}"
-        )
-        print(f"{drive.seed:>6}{drive.images:>8}{at:>14}{errors}")
-    success = summary["success"]
-    print(
-        f"\nconverged within {arguments.within} images: {success['successes']} of "
-        f"{success['count']} drives ({100 * success['rate']:.0f} %, 95 % interval "
-        f"{100 * success['low']:.0f} to {100 * success['high']:.0f} %)"
+    write_report(
+        folder,
+        done,
+        record,
+        within=arguments.within,
+        recovered_within=arguments.recovered_within,
+        figures=not arguments.no_figures,
     )
-    if summary["converged_ever"]:
-        images = summary["images_to_convergence"]
-        print(
-            f"images until convergence: median {images['median']:g}, at most {images['maximum']:g}"
-        )
-        for name, unit, key in (("position", "m", "position_m"), ("heading", "deg", "heading_deg")):
-            s = summary[key]
-            print(
-                f"{name} error afterwards, medians of drives: median {s['median']:.3f} {unit} "
-                f"(95 % interval {s['median_low']:.3f} to {s['median_high']:.3f}), worst "
-                f"{s['maximum']:.3f}; odometry alone {s['odometry_alone']:.3f}"
-            )
-    print(f"results: {folder}")
+
+
+def _names(text: str) -> tuple[str, ...]:
+    """Parse names between commas."""
+    names = tuple(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
+    if not names or ("all" in names and len(names) > 1):
+        raise argparse.ArgumentTypeError(f"expected names, or all, got {text!r}")
+    return names
 
 
 def _seeds(text: str) -> range:

@@ -12,19 +12,13 @@ if TYPE_CHECKING:
     from pflut.replay.prepare import prepare_dataset as prepare_dataset
     from pflut.replay.result import ReplayResult as ReplayResult
     from pflut.replay.result import ReplayStep as ReplayStep
-    from pflut.replay.seeds import SeedRun as SeedRun
-    from pflut.replay.seeds import replay_seed as replay_seed
-    from pflut.replay.seeds import replay_seeds as replay_seeds
 
 _NAMES = {
     "ReplayOptions": "options",
     "ReplayResult": "result",
     "ReplayStep": "result",
-    "SeedRun": "seeds",
     "prepare_dataset": "prepare",
     "replay_dataset": "pipeline",
-    "replay_seed": "seeds",
-    "replay_seeds": "seeds",
 }
 
 __getattr__, __dir__, __all__ = lazy(__name__, _NAMES)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,6 @@ from pflut.plot.style import BLUE, GREY, VERMILION, new_figure, save_figure, tid
 from pflut.posterior import Likelihood, pose_posterior
 from pflut.relpose.estimate import estimate_relative_pose
 from pflut.replay.result import SUCCESS_HEADING, SUCCESS_POSITION, ReplayResult
-from pflut.replay.seeds import SeedRun
 
 #: After these steps the particles are worth drawing: they show how a lost robot converges.
 SHOWN_STEPS = (0, 1, 3, 7)
@@ -158,48 +157,3 @@ def _drawn(poses: FloatArray, log_weights: FloatArray) -> FloatArray:
     """Choose some particles by their weights, always the same."""
     weights = np.exp(log_weights - log_weights.max())
     return poses[systematic_indices(weights, min(_DRAWN, len(poses)), 0.5)]
-
-
-def seeds_figure(runs: Sequence[SeedRun], *, within: int = 10) -> Figure:
-    """Draw when many drives converged, and how well they were localized afterwards.
-
-    Parameters
-    ----------
-    runs : sequence of SeedRun
-    within : int
-        Images within which a drive should converge.
-
-    Returns
-    -------
-    Figure
-    """
-    figure = new_figure(9.0, 3.4)
-    upto, spread = figure.subplots(1, 2)
-    images = np.sort([run.converged_at + 1 for run in runs if run.converged_at is not None])
-    share = np.arange(1, len(images) + 1) / max(len(runs), 1)
-    steps = np.concatenate([[0.0], images, [max(1.2 * within, 1.05 * images.max(initial=1))]])
-    upto.step(
-        steps,
-        np.concatenate([[0.0], share, share[-1:] if len(share) else [0.0]]),
-        where="post",
-        color=BLUE,
-    )
-    upto.axvline(within, color=GREY, linewidth=0.8, linestyle=":")
-    upto.set(
-        xlabel="images", ylabel="share of drives converged", ylim=(0.0, 1.02), xlim=(0.0, steps[-1])
-    )
-    done = [run for run in runs if run.position_m is not None]
-    spread.plot(
-        [run.heading_deg for run in done],
-        [run.position_m for run in done],
-        "o",
-        color=BLUE,
-        markersize=5,
-    )
-    spread.set(xlabel="median heading error afterwards [deg]", ylabel="median position error [m]")
-    spread.set_xlim(left=0.0)
-    spread.set_ylim(bottom=0.0)
-    tidy(upto)
-    tidy(spread)
-    figure.suptitle(f"{len(runs)} simulated drives")
-    return figure

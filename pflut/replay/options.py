@@ -30,6 +30,20 @@ class ReplayOptions:
     """
 
     num_particles: int = _option(5000, "particles", "filter", "[1, inf)", flag="particles")
+    min_particles: int | None = _option(
+        None,
+        "take as many particles as the posterior needs, so many at least and --particles at most "
+        "(KLD sampling; default: always --particles)",
+        "filter",
+        "[1, inf)",
+        type=int,
+    )
+    kld_error: float = _option(
+        0.05,
+        "of KLD sampling: how far the particles may be from the posterior",
+        "filter",
+        "(0, inf)",
+    )
     seed: int = _option(
         0, "of everything random: the same seed gives the same poses", "filter", "[0, inf)"
     )
@@ -57,8 +71,35 @@ class ReplayOptions:
     ess_threshold: float = _option(
         0.5, "resample below this share of effective particles", "filter", "[0, 1]"
     )
+    resample_interval: int = _option(
+        1, "and not before so many images since the last time", "filter", "[1, inf)"
+    )
+    resample_distance: float = _option(
+        0.0, "nor before so many metres since then", "filter", "[0, inf)"
+    )
+    resample_angle: float = _option(0.0, "or so large a turn", "filter", "[0, inf)", angle=True)
     min_effective_share: float = _option(
         0.1, "an image is flattened until so many effective particles are left", "filter", "[0, 1)"
+    )
+
+    recovery: str = _option(
+        "references",
+        "where to look for a robot that was carried away: where the references say that look like "
+        "the image, anywhere (uniform), or nowhere (none)",
+        "recovery",
+        choices=("references", "uniform", "none"),
+    )
+    kidnap_probability: float = _option(
+        0.001, "that the robot was carried away between two images", "recovery", "(0, 1)"
+    )
+    proposal_share: float = _option(
+        0.1, "poses proposed an image, as a share of the particles", "recovery", "(0, 1]"
+    )
+    recovery_alpha_slow: float = _option(
+        0.0, "decay of the average likelihood, as AMCL's; 0 is off", "recovery", "[0, 1]"
+    )
+    recovery_alpha_fast: float = _option(
+        0.0, "of the short-term average, the larger one", "recovery", "[0, 1]"
     )
 
     motion: str = _option(
@@ -167,6 +208,11 @@ class ReplayOptions:
     def __post_init__(self) -> None:
         for item in fields(self):
             _check(item, getattr(self, item.name))
+        if self.recovery_alpha_slow > self.recovery_alpha_fast:
+            raise ValueError(
+                "recovery_alpha_slow: expected at most recovery_alpha_fast, got "
+                f"{self.recovery_alpha_slow}"
+            )
         if isinstance(self.start, str):
             if self.start not in ("lost", "truth"):
                 raise ValueError(f"start: expected 'lost', 'truth' or a pose, got {self.start!r}")

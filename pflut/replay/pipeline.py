@@ -12,13 +12,13 @@ from pflut.correspondences import ReferenceMatch
 from pflut.datasets.base import Dataset
 from pflut.features import FeatureCache, FeatureExtractor
 from pflut.geometry import FloatArray
+from pflut.localization.initial_poses import Bounds
 from pflut.localization.localizer import Localizer, Step
-from pflut.localization.motion import DifferentialDrive, Omnidirectional
 from pflut.localization.particle_filter import ParticleFilter
-from pflut.localization.resampling_policy import EffectiveSizeBelow
 from pflut.posterior import Likelihood
 from pflut.reference_map import ReferenceMap
 from pflut.replay.each import localize_each
+from pflut.replay.filters import make_filter, start_covariance
 from pflut.replay.options import ReplayOptions
 from pflut.replay.prepare import prepare_dataset
 from pflut.replay.result import MatchedPair, ReplayResult, ReplayStep
@@ -106,7 +106,9 @@ def replay_dataset(
         located = localize_each(dataset, reference_map, likelihood, extractor, options, cache=cache)
     else:
         sensor = ReplaySensor(reference_map, likelihood, extractor, options, cache=cache)
-        pf = make_filter(dataset, sensor, options)
+        bounds = reference_map.bounds(options.start_margin)
+        pf = make_filter(sensor, options, bounds)
+        start_filter(pf, dataset, options, bounds)
         localizer = Localizer(dataset, pf)
         total, skipped = len(localizer), localizer.skipped
         located = _drive(localizer, pf, sensor, keep_particles, snapshots)
@@ -168,50 +170,21 @@ def make_extractor(dataset: Dataset, options: ReplayOptions) -> FeatureExtractor
     )
 
 
-def make_filter(dataset: Dataset, sensor: ReplaySensor, options: ReplayOptions) -> ParticleFilter:
-    """Make the particle filter and start it where the options say.
+def start_filter(
+    pf: ParticleFilter, dataset: Dataset, options: ReplayOptions, bounds: Bounds
+) -> None:
+    """Start the particle filter where the options say.
 
     Raises
     ------
     ValueError
         If it is to start at the truth, and the first image has none.
     """
-    pf = ParticleFilter(
-        make_motion(options),
-        sensor,
-        num_particles=options.num_particles,
-        resampling=options.resampling,
-        resample_when=EffectiveSizeBelow(options.ess_threshold),
-        min_effective_share=options.min_effective_share,
-        rng=options.seed,
-    )
     if options.start == "lost":
-        pf.initialize_uniform(sensor.reference_map.bounds(options.start_margin))
-        return pf
+        pf.initialize_uniform(bounds)
+        return
     start = _true_start(dataset) if options.start == "truth" else np.array(options.start)
-    position, heading = options.start_position_std, options.start_heading_std
-    pf.initialize_gaussian(start, np.diag(np.square([position, position, heading])))
-    return pf
-
-
-def make_motion(options: ReplayOptions) -> DifferentialDrive | Omnidirectional:
-    """Make the motion model."""
-    noise = {
-        name: getattr(options, name)
-        for name in (
-            "rotation_noise_from_rotation",
-            "rotation_noise_from_translation",
-            "translation_noise_from_translation",
-            "translation_noise_from_rotation",
-            "position_noise",
-            "heading_noise",
-        )
-    }
-    if options.motion == "differential":
-        return DifferentialDrive(**noise)
-    return Omnidirectional(
-        **noise, strafe_noise_from_translation=options.strafe_noise_from_translation
-    )
+    pf.initialize_gaussian(start, start_covariance(options))
 
 
 def _true_start(dataset: Dataset) -> FloatArray:

@@ -25,7 +25,8 @@ class ReplaySensor(ReferenceImageModel):
     ----------
     reference_map : ReferenceMap
     likelihood : LikelihoodTable or DenseTable
-    extractor : FeatureExtractor
+    extractor : FeatureExtractor or None
+        None where observations are matches.
     options : ReplayOptions
     cache : FeatureCache, optional
         Features are looked up there.
@@ -42,7 +43,7 @@ class ReplaySensor(ReferenceImageModel):
         self,
         reference_map: ReferenceMap,
         likelihood: Likelihood,
-        extractor: FeatureExtractor,
+        extractor: FeatureExtractor | None,
         options: ReplayOptions,
         *,
         cache: FeatureCache | None = None,
