@@ -91,13 +91,14 @@ def cost_to_go(cost, row, column, total):  # type: ignore[no-untyped-def]
 
 
 def plan_mapping_drive(
-    home: Home, *, spacing: float = 0.72, rng: np.random.Generator | int | None = None
+    home: Home | FreeSpace, *, spacing: float = 0.72, rng: np.random.Generator | int | None = None
 ) -> Drive:
     """Plan a drive that covers all rooms.
 
     Parameters
     ----------
-    home : Home
+    home : Home or FreeSpace
+        Or where in it a robot can be, where that is known already.
     spacing : float
         Metres between images, on average; each distance is up to an eighth longer or shorter.
     rng : Generator, int or None
@@ -107,7 +108,7 @@ def plan_mapping_drive(
     Drive
     """
     generator = np.random.default_rng(rng)
-    space = free_space(home)
+    space = home if isinstance(home, FreeSpace) else free_space(home)
     cost = _cost(space, np.ones_like(space.clearance))
     stops = _spread_points(space, cost, generator)
     ways = np.empty((len(stops), *cost.shape))
@@ -122,7 +123,7 @@ def plan_mapping_drive(
 
 
 def plan_test_drive(
-    home: Home,
+    home: Home | FreeSpace,
     *,
     length: float = 17.0,
     spacing: float = 0.35,
@@ -133,7 +134,7 @@ def plan_test_drive(
 
     Parameters
     ----------
-    home : Home
+    home : Home or FreeSpace
     length : float
         Metres to drive.
     spacing, turn : float
@@ -146,7 +147,7 @@ def plan_test_drive(
     Drive
     """
     generator = np.random.default_rng(rng)
-    space = free_space(home)
+    space = home if isinstance(home, FreeSpace) else free_space(home)
     # another path than the mapping's: some places are liked less today
     shape = (256, 256)
     mood = noise(generator, *shape, (8, 8), 1)[
@@ -249,12 +250,31 @@ def _drive(
     turn: float,
     rng: np.random.Generator,
 ) -> Drive:
-    """Make a drive of a path of cells: smooth it, turn on the spot at its cusps, time it."""
-    points = space.points(cells)
-    pieces = [_resampled(_smoothed(piece, space)) for piece in _split_at_cusps(points)]
+    """Make a drive of a path of cells: smooth it, turn on the spot at its cusps."""
+    pieces = [_smoothed(piece, space) for piece in _split_at_cusps(space.points(cells))]
+    return drive_along(pieces, spacing=spacing, turn=turn, rng=rng)
+
+
+def drive_along(
+    pieces: list[FloatArray], *, spacing: float, turn: float, rng: np.random.Generator
+) -> Drive:
+    """Make a drive along lines, with a turn on the spot from each to the next.
+
+    Parameters
+    ----------
+    pieces : list of ndarray of shape (k, 2)
+        Points of smooth lines in metres; each starts where the one before ends.
+    spacing, turn : float
+        An image is taken after so many metres (up to an eighth more or less) or so many radians.
+    rng : Generator
+
+    Returns
+    -------
+    Drive
+    """
     positions: list[FloatArray] = []
     headings: list[FloatArray] = []
-    for piece in pieces:
+    for piece in map(_resampled, pieces):
         tangents = np.gradient(piece, axis=0)
         heading = np.unwrap(np.arctan2(tangents[:, 1], tangents[:, 0]))
         if headings:
