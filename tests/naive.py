@@ -1,9 +1,9 @@
 """Readable twins of every kernel: what it must compute, in loops and plain formulas.
 
 One part a part of the library: the vision kernels, the simulator, the paper's table, the residual
-table, the M-estimator, the sensor model, the simulated home, the particle filter. Nothing here is
-fast, and nothing is taken from pflut but the names of a surface's columns and the edges of the
-residual table's cells.
+table, the M-estimator, the sensor model, the simulated home, the homes of landmarks, the particle
+filter. Nothing here is fast, and nothing is taken from pflut but the names of a surface's columns
+and the edges of the residual table's cells.
 """
 
 from __future__ import annotations
@@ -817,6 +817,88 @@ def enters_box(box: np.ndarray, start: np.ndarray, direction: np.ndarray) -> flo
                 if t > 0.0 and inside:
                     best = min(best, t)
     return best
+
+
+# --- the homes of landmarks -----------------------------------------------------------------------
+
+
+def crosses(start, end, wall) -> bool:
+    """Whether a wall meets the way between two points, 1 cm before its end at the latest."""
+    way, along = np.subtract(end, start), np.subtract(wall[1], wall[0])
+    matrix = np.column_stack([way, -along])
+    if abs(np.linalg.det(matrix)) < 1e-12:
+        return False
+    on_way, on_wall = np.linalg.solve(matrix, np.subtract(wall[0], start))
+    return bool(0 < on_way < 1 - 0.01 / np.hypot(*way) and 0 <= on_wall <= 1)
+
+
+def landmark_image(pose, points, facing, walls, people, detected, noise, random) -> dict:
+    """Landmark -> (azimuth, elevation, view, log distance): what a camera 1.2 m high sees."""
+    shown = {}
+    for i, (x, y, z) in enumerate(points):
+        offset = np.array([x - pose[0], y - pose[1], z - 1.2])
+        flat = np.hypot(offset[0], offset[1])
+        slope = math.degrees(math.atan2(offset[2], flat))
+        if not 0.3 <= flat <= 6.0 or not -40 <= slope <= 50:
+            continue
+        back = math.atan2(-offset[1], -offset[0])  # from the landmark to the camera
+        view = math.remainder(back - facing[i], 2 * math.pi)
+        if math.cos(view) < 0.17:
+            continue
+        if any(crosses(pose[:2], (x, y), wall) for wall in walls):
+            continue
+        ahead = offset[:2] / flat
+        hidden = False
+        for person in people:
+            along = float(ahead @ (person[:2] - pose[:2]))
+            beside = math.dist(person[:2], pose[:2] + along * ahead)
+            height = 1.2 + offset[2] * along / flat
+            hidden |= 0 < along < flat and beside < 0.2 and height < 1.75
+        if hidden or random.uniform() >= detected:
+            continue
+        size = noise * math.sqrt(-2 * math.log(1 - random.uniform()))
+        turn = 2 * math.pi * random.uniform()
+        ray = offset / np.linalg.norm(offset)
+        left = np.array([-ahead[1], ahead[0], 0.0])
+        ray = ray + size * (math.cos(turn) * left + math.sin(turn) * np.cross(ray, left))
+        azimuth = math.atan2(ray[1], ray[0]) - pose[2]
+        elevation = math.atan2(ray[2], math.hypot(ray[0], ray[1]))
+        shown[i] = (azimuth, elevation, view, math.log(np.linalg.norm(offset)))
+    return shown
+
+
+def most_alike(j, image, reference, looks, turn, scale) -> tuple[int, float]:
+    """The landmark of a reference that looks most like j, and its lead on the second."""
+    alike = {}
+    for k in reference:
+        if looks[k] == looks[j]:
+            change = abs(reference[k][2] - image[j][2]) / turn
+            alike[k] = math.exp(-change - abs(reference[k][3] - image[j][3]) / scale)
+    if not alike:
+        return -1, 0.0
+    first, *others = sorted(alike, key=alike.__getitem__, reverse=True)
+    return first, alike[first] - (alike[others[0]] if others else 0.0)
+
+
+def match_landmarks(
+    references, image, looks, gain, turn, scale, wrong, random
+) -> list[list[tuple[int, int]]]:
+    """For each reference its pairs (landmark there, landmark in the image)."""
+    found = []
+    for reference, mismatches in zip(references, wrong, strict=True):
+        pairs = []
+        for j in image:
+            k, lead = most_alike(j, image, reference, looks, turn, scale)
+            if k >= 0 and random.uniform() < gain * lead:
+                pairs.append((k, j))
+        for _ in range(mismatches):
+            j = list(image)[int(random.uniform() * len(image))]
+            k = j
+            while k == j or k not in reference:
+                k = int(random.uniform() * len(looks))
+            pairs.append((k, j))
+        found.append(pairs)
+    return found
 
 
 # --- the particle filter --------------------------------------------------------------------------

@@ -9,11 +9,11 @@ from pflut.simulation.drive import Drive, drive_along
 from pflut.simulation.landmarks import LandmarkBuilder, Landmarks, scatter
 from pflut.simulation.layout import CEILING
 
-SEGMENTS = 10
+SEGMENTS = 8
 SEGMENT = 3.0  # metres
 LENGTH, BREADTH = SEGMENTS * SEGMENT, 2.2
 WALL_LANDMARKS, END_LANDMARKS = 60, 60  # on each wall of a segment, and at each end
-POSTER_LANDMARKS, POSTER_WIDTH = 15, 1.2  # the one object that is nowhere else
+POSTER_LANDMARKS, POSTER_WIDTH = 25, 1.2  # the one object that is nowhere else
 TURNING = 0.9  # metres from an end where the robot turns
 SWAY = 0.2  # metres to either side of the middle
 

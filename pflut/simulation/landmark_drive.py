@@ -17,6 +17,7 @@ from pflut.simulation.landmark_images import LandmarkImages, LandmarkMatcher, ex
 from pflut.simulation.odometry import simulate_odometry
 from pflut.simulation.scenarios import SCENARIOS, Scenario
 
+SHORT_LIST = 32  # an observation has so many references, as many as the sensor model would match
 HOMES = 20  # without a choice of one's own the seeds share so many homes
 PROBES = 8  # drives that tell how many matches a home gives
 CARRIED = 3.0  # metres that a kidnapped robot is carried at least
@@ -161,7 +162,7 @@ class LandmarkDrive:
         Returns
         -------
         list of ReferenceMatch
-            Of all references with a match. The same at every call.
+            Of the 32 references with the most matches. The same at every call.
 
         Raises
         ------
@@ -170,17 +171,18 @@ class LandmarkDrive:
         """
         image = self.view(i)
         counts, pairs = self.matcher.match(self.references, image, rng=self._rng(i, 1))
+        most = np.argsort(-counts, kind="stable")[:SHORT_LIST]
+        ends = np.cumsum(counts)
         found = []
-        for index, pair in enumerate(np.split(pairs, np.cumsum(counts[:-1]))):
-            if len(pair):
-                left, right = pair.T
-                correspondences = Correspondences(
-                    self.references.azimuth[index, left],
-                    self.references.elevation[index, left],
-                    image.azimuth[0, right],
-                    image.elevation[0, right],
-                )
-                found.append(ReferenceMatch(index, correspondences))
+        for index in np.sort(most[counts[most] > 0]).tolist():
+            left, right = pairs[ends[index] - counts[index] : ends[index]].T
+            correspondences = Correspondences(
+                self.references.azimuth[index, left],
+                self.references.elevation[index, left],
+                image.azimuth[0, right],
+                image.elevation[0, right],
+            )
+            found.append(ReferenceMatch(index, correspondences))
         return found
 
     def _rng(self, i: int, purpose: int) -> np.random.Generator:

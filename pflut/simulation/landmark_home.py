@@ -60,7 +60,7 @@ class LandmarkHome:
     plan_drive: Callable[..., Drive]
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=64, typed=True)
 def landmark_home(plan: Plan = "home", seed: int = 0) -> LandmarkHome:
     """Make a home of landmarks; the last ones are remembered.
 
@@ -68,7 +68,7 @@ def landmark_home(plan: Plan = "home", seed: int = 0) -> LandmarkHome:
     ----------
     plan : {"home", "corridor"}
         "home" is the flat that the rendered home of this seed has, with the same furniture.
-        "corridor" is ten segments that look the same, and two ends that do not.
+        "corridor" is eight segments that look the same, and two ends that do not.
     seed : int
         Not negative.
 
