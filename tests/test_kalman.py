@@ -8,9 +8,10 @@ from fixes import REFERENCES, ToldFixes, measured
 
 from pflut.geometry import compose, relative_pose, wrap_to_pi
 from pflut.localization.dead_reckoning import DeadReckoning
-from pflut.localization.kalman import ExtendedKalmanFilter, UnscentedKalmanFilter
+from pflut.localization.extended_kalman_filter import ExtendedKalmanFilter
 from pflut.localization.localizer import Localizer
 from pflut.localization.motion import DifferentialDrive, Omnidirectional
+from pflut.localization.unscented_kalman_filter import UnscentedKalmanFilter
 
 pytest.importorskip("filterpy")
 
