@@ -84,8 +84,8 @@ class KalmanFilter(DeadReckoning, ABC):
         gate: float = 0.99,
         iterations: int = 5,
         min_agreeing: float = 0.5,
-        relocalize_after: int | None = 3,
-        min_fixes: int = 3,
+        relocalize_after: int | None = 2,
+        min_fixes: int = 2,
     ) -> None:
         if not 0.0 < gate < 1.0:
             raise ValueError(f"gate: expected a probability in (0, 1), got {gate}")
