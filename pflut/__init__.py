@@ -29,16 +29,20 @@ if TYPE_CHECKING:
     from pflut.likelihood.table import LikelihoodTable as LikelihoodTable
     from pflut.localization.dead_reckoning import DeadReckoning as DeadReckoning
     from pflut.localization.estimate import Estimate as Estimate
+    from pflut.localization.extended_kalman_filter import (
+        ExtendedKalmanFilter as ExtendedKalmanFilter,
+    )
     from pflut.localization.filter_state import FilterState as FilterState
     from pflut.localization.global_search import GlobalSearch as GlobalSearch
-    from pflut.localization.kalman import ExtendedKalmanFilter as ExtendedKalmanFilter
-    from pflut.localization.kalman import UnscentedKalmanFilter as UnscentedKalmanFilter
     from pflut.localization.localizer import Localizer as Localizer
     from pflut.localization.motion import DifferentialDrive as DifferentialDrive
     from pflut.localization.motion import Omnidirectional as Omnidirectional
     from pflut.localization.particle_filter import ParticleFilter as ParticleFilter
     from pflut.localization.reference_image_model import ReferenceImageModel as ReferenceImageModel
     from pflut.localization.relative_pose_model import RelativePoseModel as RelativePoseModel
+    from pflut.localization.unscented_kalman_filter import (
+        UnscentedKalmanFilter as UnscentedKalmanFilter,
+    )
     from pflut.posterior import GridPosterior as GridPosterior
     from pflut.posterior import pose_posterior as pose_posterior
     from pflut.reference_map import ReferenceMap as ReferenceMap
@@ -61,7 +65,7 @@ _NAMES = {
     "DeadReckoning": "localization.dead_reckoning",
     "DifferentialDrive": "localization.motion",
     "Estimate": "localization.estimate",
-    "ExtendedKalmanFilter": "localization.kalman",
+    "ExtendedKalmanFilter": "localization.extended_kalman_filter",
     "FeatureExtractor": "features",
     "FilterState": "localization.filter_state",
     "Features": "features",
@@ -79,7 +83,7 @@ _NAMES = {
     "RelativePose": "relpose.result",
     "RelativePoseModel": "localization.relative_pose_model",
     "Trajectory": "trajectory",
-    "UnscentedKalmanFilter": "localization.kalman",
+    "UnscentedKalmanFilter": "localization.unscented_kalman_filter",
     "coverage": "calibration",
     "estimate_relative_pose": "relpose.estimate",
     "estimate_relative_poses": "relpose.search",

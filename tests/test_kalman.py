@@ -8,9 +8,10 @@ from fixes import REFERENCES, ToldFixes, measured
 
 from pflut.geometry import compose, relative_pose, wrap_to_pi
 from pflut.localization.dead_reckoning import DeadReckoning
-from pflut.localization.kalman import ExtendedKalmanFilter, UnscentedKalmanFilter
+from pflut.localization.extended_kalman_filter import ExtendedKalmanFilter
 from pflut.localization.localizer import Localizer
 from pflut.localization.motion import DifferentialDrive, Omnidirectional
+from pflut.localization.unscented_kalman_filter import UnscentedKalmanFilter
 
 pytest.importorskip("filterpy")
 
@@ -161,7 +162,7 @@ def test_what_contradicts_is_gated_out(kind):
     np.testing.assert_array_equal(all_of_them.pose, kept.pose)
     np.testing.assert_array_equal(all_of_them.covariance, kept.covariance)
     pulled = make(kind, gate=1 - 1e-16, iterations=1)
-    pulled._limits = {1: np.inf, 2: np.inf}
+    pulled._limits = {1: np.inf, 2: np.inf}  # without a gate
     assert np.abs(pulled.update(bad + good[2:]).pose - truth).max() > 0.05
 
 
@@ -226,7 +227,7 @@ def test_a_pose_known_exactly_stays(kind):
 @pytest.mark.parametrize("kind", FILTERS)
 def test_lost_start(kind):
     rng = np.random.default_rng(7)
-    kf = kind(DifferentialDrive(), ToldFixes())
+    kf = kind(DifferentialDrive(), ToldFixes(), min_fixes=3)
     kf.initialize_lost(BOUNDS)
     nothing = kf.update([])
     assert kf.lost and nothing.degenerate and nothing.confidence < 0.05
@@ -240,6 +241,33 @@ def test_lost_start(kind):
     assert not kf.lost and not found.degenerate
     assert np.abs(difference(found.pose, truth)).max() < 0.05
     assert found.confidence > 0.99
+
+
+@pytest.mark.parametrize("kind", FILTERS)
+def test_a_lost_robot_puts_several_images_together(kind):
+    """Each shows one or two references, too few to say where it is."""
+    rng = np.random.default_rng(8)
+    kf = kind(DifferentialDrive(), ToldFixes(), min_fixes=4)
+    kf.initialize_lost(BOUNDS)
+    truth, lost = np.array([-1.63, 0.8, 0.4]), []
+    for shown in ([0], [], [2, 3], [1]):
+        estimate = kf.update([measured(truth, std=0.02, rng=rng)[i] for i in shown])
+        lost.append(kf.lost)
+        assert estimate.degenerate == kf.lost
+        kf.predict([0.3, 0.02, 0.2])
+        truth = compose(truth, [0.3, 0.02, 0.2])
+    assert lost == [True, True, True, False]
+    assert np.abs(difference(kf.pose, truth)).max() < 0.15
+    # and remembers nothing of it once it is found
+    assert len(kf._clues) == 0
+
+
+def test_old_images_are_forgotten():
+    kf = make(ExtendedKalmanFilter, min_fixes=30)
+    kf.initialize_lost(BOUNDS)
+    for _ in range(12):
+        kf.update(measured(np.array([0.4, -0.5, 1.0]))[:2])
+    assert kf.lost and len(kf._clues) == 20
 
 
 @pytest.mark.parametrize("kind", FILTERS)

@@ -10,10 +10,11 @@ import numpy as np
 from pflut.campaign.course import Course
 from pflut.likelihood.table import LikelihoodTable
 from pflut.localization.dead_reckoning import DeadReckoning
-from pflut.localization.kalman import ExtendedKalmanFilter, UnscentedKalmanFilter
+from pflut.localization.extended_kalman_filter import ExtendedKalmanFilter
 from pflut.localization.localizer import Filter
 from pflut.localization.particle_filter import ParticleFilter
 from pflut.localization.relative_pose_model import RelativePoseModel
+from pflut.localization.unscented_kalman_filter import UnscentedKalmanFilter
 from pflut.relpose.search import estimate_relative_poses
 from pflut.replay.filters import make_filter, make_motion, start_covariance
 from pflut.replay.options import ReplayOptions
@@ -72,7 +73,9 @@ def make_named_filter(name: str, course: Course, options: ReplayOptions) -> Filt
             raise ValueError(f"filter: {name} expects a residual table, got {options.table}")
         model = RelativePoseModel(sensor, partial(estimate_relative_poses, table=table))
     if not kind:
-        return _started(make_filter(model, options, course.bounds), course, options)
+        # recovery asks the references by the table here, too: better than anything of its own
+        pf = make_filter(model, options, course.bounds, proposing=sensor)
+        return _started(pf, course, options)
     kalman = {"ekf": ExtendedKalmanFilter, "ukf": UnscentedKalmanFilter}[kind]
     return _started(kalman(make_motion(options), model), course, options)
 

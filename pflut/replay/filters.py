@@ -46,17 +46,24 @@ def make_motion(options: ReplayOptions) -> DifferentialDrive | Omnidirectional:
     )
 
 
-def make_filter(sensor: SensorModel, options: ReplayOptions, bounds: Bounds) -> ParticleFilter:
+def make_filter(
+    sensor: SensorModel,
+    options: ReplayOptions,
+    bounds: Bounds,
+    *,
+    proposing: ReferenceImageModel | None = None,
+) -> ParticleFilter:
     """Make the particle filter, not started yet.
 
     Parameters
     ----------
     sensor : SensorModel
-        With `ReferenceImageModel` recovery can ask the references; any other is given poses drawn
-        blindly.
     options : ReplayOptions
     bounds : tuple (xmin, ymin, xmax, ymax)
         Metres: where the robot may be.
+    proposing : ReferenceImageModel, optional
+        Whose references recovery asks; by default the sensor's. Without any, poses are drawn
+        blindly.
 
     Returns
     -------
@@ -78,7 +85,7 @@ def make_filter(sensor: SensorModel, options: ReplayOptions, bounds: Bounds) -> 
         resampling=options.resampling,
         resample_when=few & EveryUpdates(options.resample_interval) & moved,
         min_effective_share=options.min_effective_share,
-        recovery=_recovery(sensor, options, bounds),
+        recovery=_recovery(proposing or sensor, options, bounds),
         rng=options.seed,
     )
 

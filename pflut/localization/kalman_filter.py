@@ -1,10 +1,10 @@
-"""Kalman filters on relative poses: the baselines of the particle filter, made with filterpy."""
+"""What the Kalman filters on relative poses have in common: the gate, and finding a lost robot."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from statistics import NormalDist
 from typing import Any
 
@@ -15,17 +15,12 @@ from pflut.geometry import FloatArray, wrap_to_pi
 from pflut.localization.clues import Clues
 from pflut.localization.dead_reckoning import DeadReckoning, GaussianMotion
 from pflut.localization.estimate import Estimate
-from pflut.localization.gaussian import square_root
 from pflut.localization.global_search import pose_lattice
 from pflut.localization.initial_poses import Bounds, check_bounds
-from pflut.localization.motion import Increment
 from pflut.localization.relative_pose_fix import RelativePoseFix
 from pflut.localization.relative_pose_model import RelativePoseModel
+from pflut.localization.stacked_fixes import StackedFixes
 from pflut.relpose.result import UNIFORM_VARIANCE
-
-BOTH = np.eye(2)
-ROTATION = np.array([[1.0, -1.0]])
-"""What is taken of the headings: both, or on a reference only their difference."""
 
 SPACING = 0.2
 NUM_HEADINGS = 72
@@ -34,27 +29,6 @@ SEARCH_STD = 0.05
 in radians that makes relative poses as blunt as the lattice is coarse."""
 MARGIN = 1.0
 """Metres around the references, where a robot that got lost is looked for."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Measurements:
-    """Relative poses stacked and linearised around a pose: z = h(pose) + noise."""
-
-    fixes: tuple[RelativePoseFix, ...]
-    taken: tuple[FloatArray, ...]
-    residuals: FloatArray
-    jacobian: FloatArray
-    noise: FloatArray
-
-    def expected(self, pose: FloatArray) -> FloatArray:
-        """Give what would be measured at a pose, (k,), not wrapped."""
-        pairs = zip(self.fixes, self.taken, strict=True)
-        return np.concatenate([taken @ fix.expected(pose) for fix, taken in pairs])
-
-    def measured(self) -> FloatArray:
-        """Give what was measured, (k,)."""
-        pairs = zip(self.fixes, self.taken, strict=True)
-        return np.concatenate([taken @ fix.headings for fix, taken in pairs])
 
 
 class KalmanFilter(DeadReckoning, ABC):
@@ -111,8 +85,8 @@ class KalmanFilter(DeadReckoning, ABC):
         gate: float = 0.99,
         iterations: int = 5,
         min_agreeing: float = 0.5,
-        relocalize_after: int | None = 3,
-        min_fixes: int = 3,
+        relocalize_after: int | None = 2,
+        min_fixes: int = 2,
     ) -> None:
         if not 0.0 < gate < 1.0:
             raise ValueError(f"gate: expected a probability in (0, 1), got {gate}")
@@ -229,7 +203,7 @@ class KalmanFilter(DeadReckoning, ABC):
             before, chosen = chosen, self._passing(fixes, around, spread)
             if not chosen:
                 return 0, None
-            measured = self._stacked([fixes[i] for i in chosen], around, spread)
+            measured = StackedFixes.of([fixes[i] for i in chosen], around, near=self._near(spread))
             moved, spread, log_likelihood = self._corrected(measured, around)
             change = np.abs([*(moved[:2] - around[:2]), wrap_to_pi(moved[2] - around[2])]).max()
             around = moved
@@ -242,37 +216,19 @@ class KalmanFilter(DeadReckoning, ABC):
         self, fixes: Sequence[RelativePoseFix], pose: FloatArray, covariance: FloatArray
     ) -> list[int]:
         """Say which relative poses agree with a Gaussian pose, by the Mahalanobis distance."""
-        passing = []
+        passing, near = [], self._near(covariance)
         for i, fix in enumerate(fixes):
-            one = self._stacked([fix], pose, covariance)
+            one = StackedFixes.of([fix], pose, near=near)
             spread = one.jacobian @ covariance @ one.jacobian.T + one.noise
             squared = one.residuals @ np.linalg.solve(spread, one.residuals)
             if squared <= self._limits[len(one.residuals)]:
                 passing.append(i)
         return passing
 
-    def _stacked(
-        self, fixes: Sequence[RelativePoseFix], pose: FloatArray, covariance: FloatArray
-    ) -> _Measurements:
-        """Stack relative poses, of near references their rotation alone."""
-        near = 2.0 * float(np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[1]))
-        near = max(near, self.sensor.near_range)
-        taken = tuple(ROTATION if fix.distance(pose) < near else BOTH for fix in fixes)
-        pairs = list(zip(fixes, taken, strict=True))
-        sizes = [len(part) for part in taken]
-        noise = np.zeros((sum(sizes), sum(sizes)))
-        start = 0
-        for fix, part in pairs:
-            block = slice(start, start + len(part))
-            noise[block, block] = part @ fix.covariance @ part.T
-            start += len(part)
-        return _Measurements(
-            tuple(fixes),
-            taken,
-            np.concatenate([wrap_to_pi(part @ fix.residuals(pose)) for fix, part in pairs]),
-            np.concatenate([part @ fix.jacobian(pose) for fix, part in pairs]),
-            noise,
-        )
+    def _near(self, covariance: FloatArray) -> float:
+        """Give the distance to a reference, metres, below which only the rotation is used."""
+        widest = float(np.linalg.eigvalsh(covariance[:2, :2])[1])
+        return max(2.0 * float(np.sqrt(max(widest, 0.0))), self.sensor.near_range)
 
     def _search(self, observation: Any) -> float | None:
         """Look for the robot everywhere; None where too few relative poses agree on a pose.
@@ -304,102 +260,9 @@ class KalmanFilter(DeadReckoning, ABC):
 
     @abstractmethod
     def _corrected(
-        self, measured: _Measurements, around: FloatArray
+        self, measured: StackedFixes, around: FloatArray
     ) -> tuple[FloatArray, FloatArray, float]:
         """Correct the filter's pose with all measurements, linearised around another pose.
 
         Returns the pose, the covariance and the innovation's log-likelihood.
         """
-
-
-class ExtendedKalmanFilter(KalmanFilter):
-    """An extended Kalman filter on relative poses, iterated: see `KalmanFilter` for its options."""
-
-    def _corrected(
-        self, measured: _Measurements, around: FloatArray
-    ) -> tuple[FloatArray, FloatArray, float]:
-        """Correct by filterpy's filter with the measurements' derivative at another pose."""
-        from filterpy import kalman
-
-        kf = kalman.ExtendedKalmanFilter(dim_x=3, dim_z=len(measured.residuals))
-        kf.x, kf.P = self.pose, self._covariance
-        offset = around - self.pose
-        offset[2] = wrap_to_pi(offset[2])
-        # the innovation of the pose that is corrected, seen from the one linearised around
-        innovation = measured.residuals + measured.jacobian @ offset
-        kf.update(
-            innovation,
-            HJacobian=lambda _: measured.jacobian,
-            Hx=lambda _: np.zeros_like(innovation),
-            R=measured.noise,
-        )
-        return kf.x, kf.P, float(kf.log_likelihood)
-
-
-class UnscentedKalmanFilter(KalmanFilter):
-    """An unscented Kalman filter on relative poses: see `KalmanFilter` for its options.
-
-    The sigma points are Merwe's, sqrt(3) standard deviations from the mean.
-
-    References
-    ----------
-    R. van der Merwe, "Sigma-point Kalman filters for probabilistic inference in dynamic state-space
-    models", 2004.
-    """
-
-    def _moved(self, increment: Increment) -> tuple[FloatArray, FloatArray]:
-        """Move by filterpy's filter: each sigma point, and the noise as it is at the mean."""
-        kf = self._filter(1)
-        kf.Q = increment.linearized(self.pose)[2]
-        kf.predict(fx=lambda pose, _: increment.linearized(pose)[0])
-        return kf.x, kf.P
-
-    def _corrected(
-        self, measured: _Measurements, around: FloatArray
-    ) -> tuple[FloatArray, FloatArray, float]:
-        """Correct by filterpy's filter; what the pose around which says is the choice alone."""
-        kf = self._filter(len(measured.residuals))
-        kf.sigmas_f = kf.points_fn.sigma_points(kf.x, kf.P)
-        kf.update(measured.measured(), R=measured.noise, hx=measured.expected)
-        return kf.x, kf.P, float(kf.log_likelihood)
-
-    def _filter(self, size: int) -> Any:
-        """Make filterpy's filter at the pose, with angles wherever they are."""
-        from filterpy import kalman
-
-        points = kalman.MerweScaledSigmaPoints(
-            3, alpha=1.0, beta=0.0, kappa=0.0, sqrt_method=square_root
-        )
-        kf = kalman.UnscentedKalmanFilter(
-            dim_x=3,
-            dim_z=size,
-            dt=1.0,
-            hx=None,
-            fx=None,
-            points=points,
-            x_mean_fn=_mean_pose,
-            z_mean_fn=_mean_angles,
-            residual_x=_pose_difference,
-            residual_z=lambda a, b: wrap_to_pi(a - b),
-        )
-        kf.x, kf.P = self.pose, self._covariance
-        return kf
-
-
-def _pose_difference(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Subtract poses, headings wrapped."""
-    difference = a - b
-    difference[2] = wrap_to_pi(difference[2])
-    return difference
-
-
-def _mean_pose(poses: FloatArray, weights: FloatArray) -> FloatArray:
-    """Average sigma points (n, 3) around the first of them."""
-    offsets = poses - poses[0]
-    offsets[:, 2] = wrap_to_pi(offsets[:, 2])
-    return np.asarray(poses[0] + weights @ offsets)
-
-
-def _mean_angles(angles: FloatArray, weights: FloatArray) -> FloatArray:
-    """Average angles (n, k) around the first row of them."""
-    return np.asarray(angles[0] + weights @ wrap_to_pi(angles - angles[0]))
