@@ -8,8 +8,8 @@ looks ahead, as a car's, 0.5 to 15 m and up to 20 images apart, every other imag
 
 LUT 16 to 128  the paper's table; that of 128 bins also polished by the M-estimator that RANSAC has
                too, and learned with the paper's own mismatches, which is worse
-RANSACs        those of `distance_errors.py`, each with the one of four noises that is best on other
-               pairs: of another rendered home, or of the drive's images in between
+RANSACs        those of `pflut.comparison.RANSACS`, each with the one of four noises that is best on
+               other pairs: of another rendered home, or of the drive's images in between
 3-point, 0.01  with the noise that the tables have learned, chosen by nobody
 pflut          the default table, of which nothing is chosen
 pflut, home    the table for homes: landmarks on walls, 0.005 rad of noise, chosen on home 0

@@ -10,7 +10,7 @@ estimated by the paper's table and by RANSAC + M-estimator as the paper has them
 1,000 samples); the rotation also by the median of the matches' azimuth differences, which is what
 one would try first.
 
-Each RANSAC gets the one of `NOISES` that is best for it in another rendered home, home 0: the real
+Each RANSAC gets the one of four noises that is best in another rendered home, home 0: the real
 home has too few pairs to choose by. Of pflut's the table for homes was chosen there, too. Prints
 medians with 95 % intervals (bootstrap over pairs) a distance, writes a CSV (with the MADs) and two
 figures a dataset.

@@ -9,8 +9,8 @@ pflut's table, as it is and learned from the same pairs; used in a third rendere
 one. RANSAC has the noise that is best for it in the homes that tables are learned from.
 
 The paper: of the tables that are learned from homes the one of 128 bins is somewhat worse than the
-simulator's, for want of data, and the one of 16 bins better. Prints medians
-a distance, writes a CSV and a figure a home.
+simulator's, for want of data, and the one of 16 bins better. Prints medians a distance, writes a
+CSV and a figure a home.
 """
 
 from __future__ import annotations
