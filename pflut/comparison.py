@@ -6,35 +6,22 @@ that has a ``heading_l`` and a ``heading_r``, so that one's own is compared by w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from time import process_time
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pflut.correspondences import Correspondences
-from pflut.evaluation import relative_pose_errors
-from pflut.geometry import TWO_PI, FloatArray
+from pflut.geometry import TWO_PI
 from pflut.likelihood.dense import DenseTable
 from pflut.likelihood.table import LikelihoodTable
+from pflut.pair_errors import HasHeadings, PairErrors
 from pflut.relpose.estimate import estimate_relative_pose
 from pflut.relpose.ransac import ransac_relative_poses
 from pflut.relpose.result import RelativePose
 from pflut.relpose.search import estimate_relative_poses
-
-
-class HasHeadings(Protocol):
-    """What a `RelativePose` has at least: radians, NaN where nothing was found."""
-
-    @property
-    def heading_l(self) -> float:
-        """Direction from L to R in L's frame."""
-
-    @property
-    def heading_r(self) -> float:
-        """Direction from R to L in R's frame."""
 
 
 class Headings(NamedTuple):
@@ -44,11 +31,10 @@ class Headings(NamedTuple):
     heading_r: float = np.nan
 
 
+Key = TypeVar("Key", bound=Hashable)
 Estimator = Callable[[Sequence[Correspondences]], Sequence[HasHeadings]]
 OwnEstimator = Callable[[Sequence[Correspondences]], Sequence[RelativePose]]
 
-#: A pose is found if both headings are within it, radians.
-MAX_HEADING_ERROR = 0.1
 #: The paper's RANSAC: 100 samples of all correspondences, inliers counted, nothing optimised before
 #: the M-estimator.
 PAPER_RANSAC = {
@@ -57,85 +43,31 @@ PAPER_RANSAC = {
     "local_optimization": False,
     "gate_samples": False,
 }
-
-
-@dataclass(frozen=True, eq=False)
-class PairErrors:
-    """Errors of one estimator's relative poses, one a pair, all found or not.
-
-    Parameters
-    ----------
-    heading_l, heading_r : ndarray of shape (n,)
-        Absolute errors of theta and phi, radians.
-    rotation : ndarray of shape (n,)
-        Absolute error of psi, radians.
-    seconds : float
-        CPU time a pair.
-    """
-
-    heading_l: FloatArray
-    heading_r: FloatArray
-    rotation: FloatArray
-    seconds: float
-
-    @classmethod
-    def of(cls, poses: Sequence[HasHeadings], truth: ArrayLike, seconds: float) -> PairErrors:
-        """Compare an estimator's answers with the true ``[heading_l, heading_r]`` (n, 2), radians.
-
-        Where nothing was found (NaN, or a `RelativePose` that nothing agrees with) the errors are
-        pi.
-        """
-        found = np.array([_headings(pose) for pose in poses], dtype=np.float64).reshape(-1, 2)
-        headings = np.asarray(truth, dtype=np.float64)
-        heading_l, rotation = relative_pose_errors(*found.T, *headings.T)
-        heading_r, _ = relative_pose_errors(*found.T[::-1], *headings.T[::-1])
-        return cls(heading_l, heading_r, rotation, seconds)
-
-    @classmethod
-    def together(cls, parts: Sequence[PairErrors]) -> PairErrors:
-        """Put the pairs of several sets into one; the time is that of the mean pair."""
-        return cls(
-            np.concatenate([part.heading_l for part in parts]),
-            np.concatenate([part.heading_r for part in parts]),
-            np.concatenate([part.rotation for part in parts]),
-            float(np.average([p.seconds for p in parts], weights=[len(p) for p in parts])),
-        )
-
-    def __len__(self) -> int:
-        """Return the number of pairs."""
-        return len(self.rotation)
-
-    def __getitem__(self, index: slice | NDArray[Any]) -> PairErrors:
-        """Select pairs by a slice, an index array or a mask."""
-        return PairErrors(
-            self.heading_l[index], self.heading_r[index], self.rotation[index], self.seconds
-        )
-
-    @property
-    def heading(self) -> FloatArray:
-        """The larger error of the two headings, radians."""
-        return np.maximum(self.heading_l, self.heading_r)
-
-    @property
-    def found(self) -> NDArray[np.bool_]:
-        """Which pairs have both headings within 0.1 rad."""
-        return self.heading < MAX_HEADING_ERROR
+#: Noises to choose a RANSAC's from, radians.
+NOISES = (0.002, 0.005, 0.01, 0.02)
+#: Options of RANSACs by name, but the noise: the paper's, and the best one.
+RANSACS: Mapping[str, Mapping[str, Any]] = {
+    "8-point RANSAC": {"solver": "8pt", **PAPER_RANSAC},
+    "3-point RANSAC": {"solver": "3pt", **PAPER_RANSAC},
+    "2-point RANSAC": {"solver": "2pt", **PAPER_RANSAC},
+    "2-point LO-RANSAC": {"solver": "2pt"},
+}
 
 
 def compare_estimators(
-    estimators: Mapping[str, Estimator],
+    estimators: Mapping[Key, Estimator],
     pairs: Sequence[Correspondences],
     headings: ArrayLike,
     *,
-    progress: Callable[[str], None] | None = None,
-) -> dict[str, PairErrors]:
+    progress: Callable[[Key], None] | None = None,
+) -> dict[Key, PairErrors]:
     """Run estimators on the same pairs, and compare what they find with the truth.
 
     Parameters
     ----------
-    estimators : mapping of str to callable
-        By name. Each is called with two of the pairs first, so that nothing is compiled on the
-        clock.
+    estimators : mapping to callable
+        By name, or by what tells them apart. Each is called with two of the pairs first, so that
+        nothing is compiled on the clock.
     pairs : sequence of Correspondences
     headings : array_like of shape (n, 2)
         The true ``[heading_l, heading_r]``, radians.
@@ -144,12 +76,13 @@ def compare_estimators(
 
     Returns
     -------
-    dict of str to PairErrors
+    dict of PairErrors
+        By the same keys.
 
     Raises
     ------
     ValueError
-        If there are not as many headings as pairs.
+        If there are not as many headings as pairs, or poses of an estimator.
     """
     truth = np.asarray(headings, dtype=np.float64)
     if truth.shape != (len(pairs), 2):
@@ -170,11 +103,34 @@ def compare_estimators(
     return compared
 
 
-def _headings(pose: HasHeadings) -> tuple[float, float]:
-    """Give the headings of an answer, NaN of a `RelativePose` that nothing agrees with."""
-    if isinstance(pose, RelativePose) and pose.num_inliers == 0 and not pose.success:
-        return np.nan, np.nan
-    return pose.heading_l, pose.heading_r
+def best_estimator(
+    family: Mapping[Key, Estimator], pairs: Sequence[Correspondences], headings: ArrayLike
+) -> Key:
+    """Choose of estimators that differ in a setting the one that is best on some pairs.
+
+    To be compared fairly with others afterwards, on pairs that nothing was chosen by.
+
+    Parameters
+    ----------
+    family : mapping to callable
+        Estimators by their setting, for example the noise that a RANSAC expects.
+    pairs, headings
+        See `compare_estimators`.
+
+    Returns
+    -------
+    key
+        Of the estimator with the least median error of heading_l; of equals the first one.
+
+    Raises
+    ------
+    ValueError
+        As `compare_estimators`, or if there is no estimator or no pair.
+    """
+    if not family or not len(pairs):
+        raise ValueError("family, pairs: expected at least one estimator and one pair, got none")
+    errors = compare_estimators(family, pairs, headings)
+    return min(errors, key=lambda key: float(np.median(errors[key].heading_l)))
 
 
 def by_table(table: LikelihoodTable | DenseTable, **options: Any) -> OwnEstimator:

@@ -17,7 +17,7 @@ from pflut.geometry import FloatArray, rotation_from_headings, wrap_to_pi
 from pflut.statistics import (
     Rate,
     Summary,
-    binned_medians,
+    bin_indices,
     bootstrap_median,
     bootstrap_median_ratio,
     median_absolute_deviation,
@@ -33,7 +33,7 @@ __all__ = [
     "Rate",
     "Summary",
     "TrajectoryErrors",
-    "binned_medians",
+    "bin_indices",
     "bootstrap_median",
     "bootstrap_median_ratio",
     "convergence_index",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 from pflut.correspondences import Correspondences
 from pflut.datasets.base import Dataset
 from pflut.features import FeatureCache, FeatureExtractor, match
-from pflut.geometry import relative_headings
+from pflut.geometry import FloatArray, relative_headings
+from pflut.likelihood.known_pairs import Pair
 from pflut.likelihood.table import bearing_columns
 from pflut.relpose.judgement import judged
 from pflut.relpose.result import RelativePose
+
+ALL_IMAGES = slice(None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,12 +42,41 @@ class ImagePair:
     heading_r: float
     distance: float
 
+    @property
+    def known(self) -> Pair:
+        """The correspondences and both true headings, as tables are learned from."""
+        return self.correspondences, self.heading_l, self.heading_r
+
+
+def correspondences_and_headings(
+    pairs: Iterable[ImagePair],
+) -> tuple[list[Correspondences], FloatArray]:
+    """Take pairs apart, for `compare_estimators`.
+
+    Parameters
+    ----------
+    pairs : iterable of ImagePair
+
+    Returns
+    -------
+    correspondences : list of Correspondences
+        One a pair.
+    headings : ndarray of shape (n, 2)
+        The true ``[heading_l, heading_r]``, radians.
+    """
+    listed = list(pairs)
+    headings = np.array([[pair.heading_l, pair.heading_r] for pair in listed], dtype=np.float64)
+    return [pair.correspondences for pair in listed], headings.reshape(-1, 2)
+
 
 def dataset_pairs(
     dataset: Dataset,
-    extractor: FeatureExtractor,
+    extractor: FeatureExtractor | None = None,
     *,
     max_distance: float = 3.0,
+    min_distance: float = 0.0,
+    max_gap: int | None = None,
+    images: slice | NDArray[np.intp] = ALL_IMAGES,
     across: bool = False,
     ratio: float = 0.8,
     mutual: bool = True,
@@ -57,11 +89,10 @@ def dataset_pairs(
     ----------
     dataset : Dataset
         With ground truth.
-    extractor : FeatureExtractor
-    max_distance : float
-        Metres.
-    across : bool
-        Only a reference image with a query image, as they meet in localization.
+    extractor : FeatureExtractor, optional
+        Default: `FeatureExtractor` of the dataset's camera and masks.
+    max_distance, min_distance, max_gap, images, across
+        Which pairs, see `near_pairs`.
     ratio : float
         Of the ratio test.
     mutual : bool
@@ -78,9 +109,20 @@ def dataset_pairs(
     Raises
     ------
     ValueError
-        If no two images with a true pose are so near.
+        If there is no such pair.
     """
-    chosen = near_pairs(dataset, max_distance, across=across)
+    chosen = near_pairs(
+        dataset,
+        max_distance,
+        min_distance=min_distance,
+        max_gap=max_gap,
+        images=images,
+        across=across,
+    )
+    if extractor is None:
+        extractor = FeatureExtractor(
+            dataset.camera, mask_elevation=dataset.mask_elevation, mask=dataset.mask
+        )
     features = {
         index: extractor(image) if cache is None else cache(extractor, image)
         for index in sorted(set(chosen.ravel().tolist()))
@@ -102,16 +144,29 @@ def dataset_pairs(
             progress(done, len(chosen))
 
 
-def near_pairs(dataset: Dataset, max_distance: float, *, across: bool = False) -> NDArray[np.intp]:
+def near_pairs(
+    dataset: Dataset,
+    max_distance: float,
+    *,
+    min_distance: float = 0.0,
+    max_gap: int | None = None,
+    images: slice | NDArray[np.intp] = ALL_IMAGES,
+    across: bool = False,
+) -> NDArray[np.intp]:
     """Find the pairs of images with true poses that are near each other, but not in one place.
 
     Parameters
     ----------
     dataset : Dataset
-    max_distance : float
+    max_distance, min_distance : float
         Metres.
+    max_gap : int, optional
+        How many images later in the dataset the other one may be: in a drive that comes back to a
+        place it tells pairs of one pass.
+    images : slice or ndarray of int
+        Of which both are to be; default all.
     across : bool
-        Only a reference image with a query image.
+        Only a reference image with a query image, as they meet in localization.
 
     Returns
     -------
@@ -129,7 +184,12 @@ def near_pairs(dataset: Dataset, max_distance: float, *, across: bool = False) -
     offsets = poses[:, None, :2] - poses[None, :, :2]
     distance = np.hypot(offsets[..., 0], offsets[..., 1])
     with np.errstate(invalid="ignore"):
-        near = (distance > 0.0) & (distance <= max_distance)
+        near = (distance > 0.0) & (distance >= min_distance) & (distance <= max_distance)
+    indices = np.arange(len(dataset))
+    chosen = np.isin(indices, indices[images])
+    near &= chosen[:, None] & chosen[None, :]
+    if max_gap is not None:
+        near &= np.abs(indices[:, None] - indices[None, :]) <= max_gap
     if across:
         linked = np.zeros_like(near)
         linked[np.ix_(dataset.reference_indices, dataset.query_indices)] = True
@@ -140,9 +200,8 @@ def near_pairs(dataset: Dataset, max_distance: float, *, across: bool = False) -
     pairs = np.argwhere(near)
     if not len(pairs):
         what = "reference and query" if across else "two images"
-        raise ValueError(
-            f"{dataset.name}: no {what} with true poses within {max_distance:g} m of each other"
-        )
+        span = f"{min_distance:g} to {max_distance:g} m"
+        raise ValueError(f"{dataset.name}: no {what} with true poses {span} apart")
     return pairs
 
 

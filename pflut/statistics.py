@@ -252,35 +252,25 @@ def bootstrap_median_ratio(
     return float(low), float(high)
 
 
-def binned_medians(
-    x: ArrayLike, errors: ArrayLike, edges: ArrayLike
-) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
-    """Give the median and the MAD of the absolute errors in each bin of x.
+def bin_indices(x: ArrayLike, edges: ArrayLike) -> NDArray[np.intp]:
+    """Say in which bin each x is.
 
     Parameters
     ----------
-    x, errors : array_like of shape (n,)
-        NaN errors are left out.
+    x : array_like of shape (n,)
     edges : array_like of shape (b + 1,)
         Increasing; a bin holds its lower edge, the last one its upper edge too.
 
     Returns
     -------
-    median, mad : ndarray of shape (b,)
-        NaN for a bin without errors.
-    count : ndarray of shape (b,)
+    ndarray of shape (n,)
+        0 to b - 1, or -1 in none.
     """
-    border = np.asarray(edges, dtype=np.float64)
-    values = np.abs(np.asarray(errors, dtype=np.float64))
-    position = np.asarray(x, dtype=np.float64)
+    border, position = (np.asarray(values, dtype=np.float64) for values in (edges, x))
     bins = np.searchsorted(border, position, side="right") - 1
     bins[position == border[-1]] = len(border) - 2
-    groups = [summarize(values[bins == i]) for i in range(len(border) - 1)]
-    return (
-        np.array([group.median for group in groups]),
-        np.array([group.mad for group in groups]),
-        np.array([group.count for group in groups], dtype=np.intp),
-    )
+    bins[bins == len(border) - 1] = -1
+    return bins
 
 
 def _known(errors: ArrayLike) -> FloatArray:

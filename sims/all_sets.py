@@ -8,8 +8,8 @@ looks ahead, as a car's, 0.5 to 15 m and up to 20 images apart, every other imag
 
 LUT 16 to 128  the paper's table; that of 128 bins also polished by the M-estimator that RANSAC has
                too, and learned with the paper's own mismatches, which is worse
-RANSACs        those of `distance_errors.py`, each with the one of four noises that is best on other
-               pairs: of another rendered home, or of the drive's images in between
+RANSACs        those of `pflut.comparison.RANSACS`, each with the one of four noises that is best on
+               other pairs: of another rendered home, or of the drive's images in between
 3-point, 0.01  with the noise that the tables have learned, chosen by nobody
 pflut          the default table, of which nothing is chosen
 pflut, home    the table for homes: landmarks on walls, 0.005 rad of noise, chosen on home 0
@@ -31,36 +31,39 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from distance_errors import (
-    ALL,
-    HOME,
-    LO_RANSAC,
-    LUT,
-    OTHER_HOME,
-    OURS,
-    RANSACS,
-    THREE_POINT,
-    best_noises,
-    image_pairs,
-    measure,
-    ransacs,
-)
 from tqdm import tqdm
 
 from pflut import LikelihoodTable, load_dataset
 from pflut._files import write_csv
 from pflut.camera import Perspective
-from pflut.comparison import Estimator, PairErrors, by_maximum, by_table
+from pflut.comparison import (
+    NOISES,
+    RANSACS,
+    Estimator,
+    best_estimator,
+    by_maximum,
+    by_ransac,
+    by_table,
+    compare_estimators,
+)
 from pflut.datasets import Dataset, load_simulated_home
-from pflut.evaluation import bootstrap_median, bootstrap_median_ratio, success_rate, summarize
+from pflut.features import FeatureCache
 from pflut.likelihood.dense import DenseTable
-from pflut.pairs import ImagePair
+from pflut.pair_errors import ErrorSummary, PairErrors
+from pflut.pairs import ImagePair, correspondences_and_headings, dataset_pairs
 from pflut.plot import save_figure
 from pflut.plot.style import CYCLE, new_figure, tidy
+from pflut.replay.options import ReplayOptions
+from pflut.replay.pipeline import make_extractor
+from pflut.statistics import bootstrap_median_ratio
 
-NEAREST, FARTHEST, GAP = 0.5, 15.0, 20  # metres, metres, images
+#: Of a camera that looks ahead: metres, images.
+AHEAD = {"min_distance": 0.5, "max_distance": 15.0, "max_gap": 20}
 LEARNED_NOISE = 0.01
+OTHER_HOME = 0
 BINS = (16, 32, 64, 128)
+LUT, OURS, HOME = "LUT 128", "pflut", "pflut, home"
+TWO_POINT, THREE_POINT, LO_RANSAC = "2-point RANSAC", "3-point RANSAC", "2-point LO-RANSAC"
 UNTOLD = f"{THREE_POINT}, {LEARNED_NOISE:g}"
 SIMULATED = f"{LUT}, mismatches simulated"
 PERSPECTIVE = "pflut, perspective"
@@ -71,15 +74,12 @@ FIGURES = {
 #: What is compared with what: tables with the paper's RANSAC, and with the best.
 VERSUS = [
     (table, other)
-    for other in (UNTOLD, THREE_POINT, "2-point RANSAC", LO_RANSAC)
+    for other in (UNTOLD, THREE_POINT, TWO_POINT, LO_RANSAC)
     for table in (SIMULATED, LUT, OURS, HOME)
 ]
 FAR = 1.5  # metres
 RESAMPLES = 1000
 ANGLES = {"heading": "heading_l", "rotation": "rotation"}
-COLUMNS = ["set", "estimator", "pairs"]
-COLUMNS += [f"{name}_{what}_deg" for name in ANGLES for what in ("median", "mad", "low", "high")]
-COLUMNS += ["found", "found_low", "found_high", "cpu_us"]
 RATIO_COLUMNS = ["set", "estimator", "against", "pairs"]
 RATIO_COLUMNS += [
     f"{name}_{what}"
@@ -112,7 +112,8 @@ class Measured:
         # a pair is there as often as both of its images are
         draws = times[:, ends.reshape(-1, 2)].prod(axis=2).astype(np.int16)
         distance = np.array([pair.distance for pair in pairs])
-        return cls(name, measure(estimators, pairs, name), distance, draws)
+        errors = compare_estimators(estimators, *correspondences_and_headings(pairs))
+        return cls(name, errors, distance, draws)
 
     @property
     def far(self) -> Measured:
@@ -138,15 +139,17 @@ class Measured:
         )
 
 
-def estimators_of(
-    dataset: Dataset, families: Mapping[str, Mapping[float, Estimator]], others: list[ImagePair]
-) -> dict[str, Estimator]:
+def estimators_of(dataset: Dataset, others: Sequence[ImagePair]) -> dict[str, Estimator]:
     """Make all estimators; those of which the noise is chosen, by other pairs."""
     tables = {f"LUT {bins}": DenseTable.default(bins=bins) for bins in BINS}
     estimators: dict[str, Estimator] = {name: by_maximum(table) for name, table in tables.items()}
     estimators[f"{LUT}, polished"] = by_table(tables[LUT])
-    estimators[UNTOLD] = families[THREE_POINT][LEARNED_NOISE]
-    estimators |= best_noises(families, others)
+    estimators[UNTOLD] = by_ransac(noise=LEARNED_NOISE, **RANSACS[THREE_POINT])
+    for name, options in RANSACS.items():
+        family = {noise: by_ransac(noise=noise, **options) for noise in NOISES}
+        noise = best_estimator(family, *correspondences_and_headings(others))
+        print(f"{dataset.name}, {name}: of {len(others)} other pairs a noise of {noise:g} is best")
+        estimators[name] = family[noise]
     estimators[OURS] = by_table(LikelihoodTable.default())
     estimators[HOME] = by_table(LikelihoodTable.default("home"))
     if isinstance(dataset.camera, Perspective):
@@ -154,27 +157,18 @@ def estimators_of(
     return estimators
 
 
-def ahead(dataset: Dataset, first: int, every: int, **features: Any) -> list[ImagePair]:
-    """Match pairs of a drive with a camera that looks ahead."""
-    images = slice(first, None, every)
-    pairs = image_pairs(dataset, max_distance=FARTHEST, images=images, **features)
-    return [
-        pair
-        for pair in pairs
-        if pair.distance >= NEAREST and (pair.index_r - pair.index_l) * every <= GAP
-    ]
-
-
-def median_rows(measured: Measured) -> Iterator[list[Any]]:
-    """Give the rows of the first CSV, an estimator each."""
-    for name, error in measured.errors.items():
-        row: list[Any] = [measured.name, name, len(error.rotation)]
-        for field in ANGLES.values():
-            degrees = np.degrees(getattr(error, field))
-            known = summarize(degrees)
-            row += [known.median, known.mad, *bootstrap_median(degrees, rng=0)]
-        found = success_rate(error.found)
-        yield [*row, found.rate, found.low, found.high, 1e6 * error.seconds]
+def matched(
+    dataset: Dataset, options: ReplayOptions, every: int = 1, first: int = 0, **which: Any
+) -> list[ImagePair]:
+    """Match the near pairs of every n-th image of a dataset."""
+    found = dataset_pairs(
+        dataset,
+        make_extractor(dataset, options),
+        images=slice(first, None, every),
+        cache=FeatureCache(),
+        **which,
+    )
+    return list(tqdm(found, desc=dataset.name, unit="pair", disable=None))
 
 
 def ratio_rows(measured: Measured) -> Iterator[list[Any]]:
@@ -208,23 +202,24 @@ def main() -> None:
     arguments = parser.parse_args()
     quick = arguments.quick
     arguments.output.mkdir(parents=True, exist_ok=True)
-    families = ransacs()
     paper = by_maximum(DenseTable.from_simulation(mismatches="simulated"))
-    features = {"max_features": arguments.max_features}
-    home_images = slice(None, None, 3) if quick else ALL
-    other_home = image_pairs(load_simulated_home(seed=OTHER_HOME), images=home_images, **features)
+    options = ReplayOptions(max_features=arguments.max_features)
+    home_every, drive_every = (3, 4) if quick else (1, 2)
+    other_home = matched(load_simulated_home(seed=OTHER_HOME), options, home_every)
     homes: list[Measured] = []
     drives: list[Measured] = []
     seeds = arguments.homes[: 2 if quick else None]
     datasets = [load_dataset(path) for path in arguments.real]
     for dataset in datasets + [load_simulated_home(seed=seed) for seed in seeds]:
         if isinstance(dataset.camera, Perspective):
-            every = 4 if quick else 2
-            pairs, others = (ahead(dataset, first, every, **features) for first in (0, every // 2))
+            pairs, others = (
+                matched(dataset, options, drive_every, first, **AHEAD)
+                for first in (0, drive_every // 2)
+            )
         else:
-            images = ALL if dataset.leave_one_out else home_images
-            pairs, others = image_pairs(dataset, images=images, **features), other_home
-        known = estimators_of(dataset, families, others)
+            every = 1 if dataset.leave_one_out else home_every
+            pairs, others = matched(dataset, options, every), other_home
+        known = estimators_of(dataset, others)
         measured = Measured.of(dataset.name, {SIMULATED: paper} | known, pairs)
         (drives if others is not other_home else homes).append(measured)
     sets = [part for home in homes for part in (home, home.far)] + drives
@@ -233,31 +228,23 @@ def main() -> None:
         sets += [pooled, pooled.far]
     if drives:
         sets.append(Measured.pooled("all images", homes + drives))
-    medians = [row for some in sets for row in median_rows(some)]
+    medians = [
+        (some.name, name, errors.summary()) for some in sets for name, errors in some.errors.items()
+    ]
     ratios = [
         row for some in tqdm(sets, desc="bootstrap", disable=None) for row in ratio_rows(some)
     ]
-    write_csv(arguments.output / "medians.csv", COLUMNS, medians)
+    write_csv(
+        arguments.output / "medians.csv",
+        ["set", "estimator", *ErrorSummary._fields],
+        [(some, name, *summary) for some, name, summary in medians],
+    )
     write_csv(arguments.output / "ratios.csv", RATIO_COLUMNS, ratios)
-    print_medians(medians)
+    for some, name, summary in medians:
+        print(f"{some}, {summary.pairs} pairs  {name:30}{summary}")
     print_ratios(ratios)
     draw([some.name for some in homes + drives], medians, arguments.output)
     print(f"\nwritten: {arguments.output}")
-
-
-def print_medians(table: Sequence[Sequence[Any]]) -> None:
-    """Print the first table."""
-    print(f"\n{'median error [deg] (95 % interval)':32}{'heading':>24}{'rotation':>24}", end="")
-    print(f"{'found within 0.1 rad':>24}{'CPU [us]':>10}")
-    for name in dict.fromkeys(row[0] for row in table):
-        rows = [row[1:] for row in table if row[0] == name]
-        print(f"{name}, {rows[0][1]} pairs")
-        for estimator, _, *numbers, share, low, high, cpu in rows:
-            angles = (
-                f"{numbers[k]:.2f} ({numbers[k + 2]:.2f} to {numbers[k + 3]:.2f})" for k in (0, 4)
-            )
-            print(f"  {estimator:30}" + "".join(f"{text:>24}" for text in angles), end="")
-            print(f"{f'{share:.3f} ({low:.3f} to {high:.3f})':>24}{cpu:10.0f}")
 
 
 def print_ratios(table: Sequence[Sequence[Any]]) -> None:
@@ -277,18 +264,18 @@ def print_ratios(table: Sequence[Sequence[Any]]) -> None:
             print(f"found {share:+.3f} ({low:+.3f} to {high:+.3f})  CPU {cpu:.2f}")
 
 
-def draw(sets: Sequence[str], table: Sequence[Sequence[Any]], output: Path) -> None:
+def draw(sets: Sequence[str], table: Sequence[tuple[str, str, ErrorSummary]], output: Path) -> None:
     """Draw medians with their intervals, a figure for the paper's estimators and one for ours."""
     labels = [name.replace("Simulated ", "").replace("_", "\n") for name in sets]
-    index = {tuple(row[:2]): row for row in table}
+    index = {(some, name): summary for some, name, summary in table}
     for title, names in FIGURES.items():
         figure = new_figure(10.0, 4.6)
         for axes, angle in zip(figure.subplots(1, len(ANGLES)), ANGLES, strict=True):
-            first = COLUMNS.index(f"{angle}_median_deg")
             for k, name in enumerate(names):
-                median, _, low, high = np.array(
-                    [index[some, name][first : first + 4] for some in sets], dtype=float
-                ).T
+                median, low, high = (
+                    np.array([getattr(index[some, name], f"{angle}_{what}_deg") for some in sets])
+                    for what in ("median", "low", "high")
+                )
                 axes.errorbar(
                     np.arange(len(sets)) + 0.7 * ((k + 0.5) / len(names) - 0.5),
                     median,

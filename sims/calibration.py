@@ -26,7 +26,6 @@ from pflut import (
     CorrespondenceSimulator,
     Coverage,
     DenseTable,
-    FeatureExtractor,
     LikelihoodTable,
     coverage,
     fit_temperature,
@@ -118,20 +117,11 @@ def simulated(num_pairs: int, count: int, mismatch: float, seed: int) -> list[Pa
 
 def met(dataset: Dataset, limit: int | None) -> tuple[list[Pair], np.ndarray]:
     """Give the pairs of a reference and a query of a dataset, and their distances."""
-    extractor = FeatureExtractor(
-        dataset.camera, mask_elevation=dataset.mask_elevation, mask=dataset.mask
-    )
-    with tqdm(desc=dataset.name, unit="pair", disable=None) as bar:
-        found = []
-        for pair in dataset_pairs(
-            dataset, extractor, max_distance=MAX_DISTANCE, across=True, cache=FeatureCache()
-        ):
-            found.append(pair)
-            bar.update()
+    pairs = dataset_pairs(dataset, max_distance=MAX_DISTANCE, across=True, cache=FeatureCache())
+    found = list(tqdm(pairs, desc=dataset.name, unit="pair", disable=None))
     if limit is not None:
         found = found[:: -(-len(found) // limit)]
-    pairs = [(pair.correspondences, pair.heading_l, pair.heading_r) for pair in found]
-    return pairs, np.array([pair.distance for pair in found])
+    return [pair.known for pair in found], np.array([pair.distance for pair in found])
 
 
 def check(group: str, name: str, bins: int, fitted: list[Pair], checked: list[Pair]) -> Result:

@@ -26,16 +26,9 @@ from tqdm import tqdm
 
 from pflut import CorrespondenceSimulator, DenseTable, LikelihoodTable
 from pflut._files import write_csv
-from pflut.comparison import (
-    MAX_HEADING_ERROR,
-    PAPER_RANSAC,
-    Estimator,
-    PairErrors,
-    by_ransac,
-    by_table,
-    compare_estimators,
-)
+from pflut.comparison import PAPER_RANSAC, Estimator, by_ransac, by_table, compare_estimators
 from pflut.evaluation import summarize
+from pflut.pair_errors import MAX_HEADING_ERROR, PairErrors
 from pflut.plot import save_figure
 from pflut.plot.style import CYCLE, GREY, new_figure, tidy
 

@@ -17,20 +17,19 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from pflut import FeatureExtractor, LikelihoodTable, estimate_relative_poses, load_dataset
+from pflut import LikelihoodTable, load_dataset
 from pflut._files import write_csv
+from pflut.comparison import by_table, compare_estimators
 from pflut.datasets import Dataset, load_simulated_home
-from pflut.evaluation import relative_pose_errors
 from pflut.features import FeatureCache
-from pflut.pairs import ImagePair, dataset_pairs
+from pflut.pairs import ImagePair, correspondences_and_headings, dataset_pairs
+
+MAX_ERRORS = np.radians([20.0, 5.0])  # of the headings, of the rotation
 
 
-def pairs_of(dataset: Dataset, max_distance: float) -> Iterator[ImagePair]:
+def matched(dataset: Dataset, max_distance: float) -> Iterator[ImagePair]:
     """Match the near pairs of a dataset."""
-    extractor = FeatureExtractor(
-        dataset.camera, mask_elevation=dataset.mask_elevation, mask=dataset.mask
-    )
-    pairs = dataset_pairs(dataset, extractor, max_distance=max_distance, cache=FeatureCache())
+    pairs = dataset_pairs(dataset, max_distance=max_distance, cache=FeatureCache())
     yield from tqdm(pairs, desc=dataset.name, unit="pair", disable=None)
 
 
@@ -43,9 +42,9 @@ def main() -> None:
     parser.add_argument("--output", type=Path, default=Path("results/learned_from_homes"))
     arguments = parser.parse_args()
     train = [
-        (pair.correspondences, pair.heading_l, pair.heading_r)
+        pair.known
         for seed in arguments.train
-        for pair in pairs_of(load_simulated_home(seed=seed), 2.5)
+        for pair in matched(load_simulated_home(seed=seed), 2.5)
     ]
     default = LikelihoodTable.default()
     learned = LikelihoodTable.from_pairs(train, source=f"homes {arguments.train}")
@@ -65,22 +64,20 @@ def main() -> None:
     sets = {f"home {arguments.test}": (load_simulated_home(seed=arguments.test), 2.5)}
     if arguments.real is not None:
         sets["real"] = (load_dataset(arguments.real), 3.0)
+    estimators = {name: by_table(table) for name, table in tables.items()}
+    print("right: rotation within 5 deg, both headings within 20 deg")
     rows = []
     for name, (dataset, distance) in sets.items():
-        pairs = list(pairs_of(dataset, distance))
-        truth = np.array([[pair.heading_l, pair.heading_r] for pair in pairs])
-        for label, table in tables.items():
-            found = estimate_relative_poses([pair.correspondences for pair in pairs], table)
-            poses = np.array([[pose.heading_l, pose.heading_r] for pose in found])
-            error_l, rotation = relative_pose_errors(*poses.T, *truth.T)
-            error_r, _ = relative_pose_errors(*poses.T[::-1], *truth.T[::-1])
-            right = (np.maximum(error_l, error_r) < np.radians(20)) & (rotation < np.radians(5))
-            rows.append((name, label, len(pairs), right.mean(), np.degrees(np.median(rotation))))
-    print("right: rotation within 5 deg, both headings within 20 deg")
-    for name, label, count, right, rotation in rows:
-        print(
-            f"{name:10}{label:28}{count:6} pairs, right {right:.3f}, rotation {rotation:6.2f} deg"
-        )
+        pairs = correspondences_and_headings(matched(dataset, distance))
+        for label, errors in compare_estimators(estimators, *pairs).items():
+            within = np.stack([errors.heading, errors.rotation], axis=1) < MAX_ERRORS
+            right = float(within.all(axis=1).mean())
+            rotation = float(np.degrees(np.median(errors.rotation)))
+            rows.append((name, label, len(errors), right, rotation))
+            print(
+                f"{name:10}{label:28}{len(errors):6} pairs, right {right:.3f}, "
+                f"rotation {rotation:6.2f} deg"
+            )
     arguments.output.mkdir(parents=True, exist_ok=True)
     columns = ("set", "table", "pairs", "right", "rotation_deg")
     write_csv(arguments.output / "tables.csv", columns, rows)

@@ -31,12 +31,13 @@ from tqdm import tqdm
 from pflut import Correspondences, CorrespondenceSimulator, LikelihoodTable
 from pflut._files import write_csv
 from pflut._robust import TUKEY
-from pflut.comparison import MAX_HEADING_ERROR, Estimator, by_ransac, by_table, compare_estimators
+from pflut.comparison import Estimator, by_ransac, by_table, compare_estimators
 from pflut.geometry import wrap_to_pi
 from pflut.likelihood.axes import parallax_edges
 from pflut.likelihood.dense import DenseTable
 from pflut.likelihood.residual_kernels import PairArrays, maximize
 from pflut.likelihood.table import bearing_columns
+from pflut.pair_errors import MAX_HEADING_ERROR
 from pflut.plot import save_figure
 from pflut.plot.style import CYCLE, GREY, new_figure, tidy
 from pflut.relpose.refine_kernels import refine_many

@@ -23,15 +23,9 @@ from tqdm import tqdm
 
 from pflut import CorrespondenceSimulator, DenseTable, LikelihoodTable
 from pflut._files import write_csv
-from pflut.comparison import (
-    PAPER_RANSAC,
-    Estimator,
-    PairErrors,
-    by_ransac,
-    by_table,
-    compare_estimators,
-)
+from pflut.comparison import PAPER_RANSAC, Estimator, by_ransac, by_table, compare_estimators
 from pflut.evaluation import median_absolute_deviation
+from pflut.pair_errors import PairErrors
 from pflut.plot import plot_medians, save_figure
 
 MISMATCHES = (0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 0.99)

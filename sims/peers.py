@@ -38,8 +38,9 @@ from tqdm import tqdm
 
 from pflut import Correspondences, CorrespondenceSimulator, LikelihoodTable, refine_relative_pose
 from pflut._files import write_csv
-from pflut.comparison import Estimator, Headings, PairErrors, by_ransac, by_table
+from pflut.comparison import Estimator, Headings, by_ransac, by_table
 from pflut.likelihood.table import bearing_columns
+from pflut.pair_errors import PairErrors
 from pflut.plot import save_figure
 from pflut.plot.style import CYCLE, new_figure, tidy
 from pflut.relpose.ransac_kernels import BLOCK, NUM_ROWS, model_cost, prepare

@@ -36,13 +36,13 @@ from pflut._files import write_csv
 from pflut.comparison import (
     PAPER_RANSAC,
     Estimator,
-    PairErrors,
     by_maximum,
     by_ransac,
     by_table,
     compare_estimators,
 )
 from pflut.evaluation import median_absolute_deviation
+from pflut.pair_errors import PairErrors
 from pflut.plot import save_figure
 from pflut.plot.style import CYCLE, new_figure, tidy
 

@@ -27,7 +27,7 @@ ORDER = [
     "likelihood",
     "posterior",
     "relpose",
-    "retrieval",
+    "retrieval pair_errors",
     "reference_map",
     "localization",
     "pairs plot",

@@ -1,8 +1,8 @@
-"""Estimators beside each other: errors, the clock, one's own, misuse."""
+"""Estimators beside each other: the clock, one's own, the best of a family, misuse."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from time import process_time
 from types import SimpleNamespace
 
@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from pflut.comparison import (
-    MAX_HEADING_ERROR,
     PAPER_RANSAC,
+    RANSACS,
     Headings,
-    PairErrors,
+    best_estimator,
     by_maximum,
     by_ransac,
     by_table,
@@ -31,29 +31,6 @@ PAIRS = 30
 def simulated() -> tuple[list[Correspondences], np.ndarray]:
     headings, bearings = CorrespondenceSimulator(mismatch=0.4).sample(PAIRS, 60, rng=1)
     return [Correspondences(*pair.T) for pair in bearings], headings
-
-
-def test_errors_are_those_of_the_angles() -> None:
-    truth = np.array([[0.1, 3.1], [1.0, 2.0], [0.0, 0.0]])
-    found = np.array([[-0.1, -3.1], [1.05, 2.05], [np.nan, 0.0]])
-    errors = PairErrors.of([Headings(*row) for row in found], truth, 0.5)
-    assert errors.heading_l == pytest.approx([0.2, 0.05, np.pi])
-    assert errors.heading_r[:2] == pytest.approx([2 * np.pi - 6.2, 0.05])
-    # psi = theta - phi + pi
-    assert errors.rotation == pytest.approx([0.2 + 2 * np.pi - 6.2, 0.0, np.pi], abs=1e-12)
-    assert errors.heading == pytest.approx([0.2, 0.05, np.pi])
-    assert errors.found.tolist() == [False, True, False]
-    assert MAX_HEADING_ERROR == 0.1
-    assert errors.seconds == 0.5
-    # some of the pairs, and several sets together: the mean pair's time
-    some = errors[errors.found]
-    assert (len(some), some.rotation.tolist()) == (1, errors.rotation[1:2].tolist())
-    other = PairErrors.of([Headings(0.0, 0.0)], [[0.0, 0.3]], 0.9)
-    both = PairErrors.together([errors, other])
-    assert len(both) == 4
-    assert both.heading_r.tolist() == [*errors.heading_r, *other.heading_r]
-    assert both[:3].heading_l.tolist() == errors.heading_l.tolist()
-    assert both.seconds == pytest.approx(0.6)
 
 
 def test_all_kinds_of_estimators_are_compared_on_the_same_pairs(
@@ -123,6 +100,39 @@ def test_the_maximum_is_the_highest_cell_s_centre(dense_table: DenseTable, simul
     assert (
         compare_estimators({"a": by_maximum(dense_table)}, pairs, headings)["a"].found.mean() > 0.8
     )
+
+
+def test_the_best_of_a_family_has_the_least_median_error(simulated) -> None:
+    pairs, headings = simulated
+
+    def off_by(angle: float) -> Callable[[Sequence[Correspondences]], list[Headings]]:
+        """Be wrong by so much, and once by far."""
+        known = {id(pair): pose for pair, pose in zip(pairs, headings, strict=True)}
+
+        def estimate(some: Sequence[Correspondences]) -> list[Headings]:
+            found = [Headings(known[id(pair)][0] + angle, 0.0) for pair in some]
+            return [Headings(), *found[1:]]
+
+        return estimate
+
+    family = {angle: off_by(angle) for angle in (0.3, -0.1, 0.2, 0.1)}
+    assert best_estimator(family, pairs, headings) == -0.1
+    noises = {noise: by_ransac(noise=noise) for noise in (0.0002, 0.01, 0.2)}
+    assert best_estimator(noises, pairs, headings) == 0.01
+    for some, few in ((family, 0), ({}, 3)):
+        with pytest.raises(ValueError, match="at least one estimator and one pair"):
+            best_estimator(some, pairs[:few], headings[:few])
+
+
+def test_named_ransacs_have_the_options_they_are_named_for(simulated) -> None:
+    pairs, headings = simulated
+    compared = compare_estimators(
+        {name: by_ransac(**options) for name, options in RANSACS.items()}, pairs, headings
+    )
+    found = {name: errors.found.mean() for name, errors in compared.items()}
+    assert min(found["3-point RANSAC"], found["2-point LO-RANSAC"]) > 0.8
+    assert found["8-point RANSAC"] < found["2-point RANSAC"]
+    assert RANSACS["2-point RANSAC"] == {"solver": "2pt", **PAPER_RANSAC}
 
 
 def test_misuse(simulated) -> None:

@@ -309,9 +309,9 @@ def test_compensation_removes_the_bias_of_a_habit() -> None:
 
     def table(favourite: float, seed: int, *, compensate: bool = True) -> np.ndarray:
         pairs = seen_ahead(favourite, seed)
-        return DenseTable.from_pairs(
-            pairs, bins=4, uniform=0.1, blur=0.0, compensate=compensate
-        ).log_ratio[2:]
+        return DenseTable.from_pairs(pairs, bins=4, uniform=0.1, compensate=compensate).log_ratio[
+            2:
+        ]
 
     fair = table(0.0, 2)
     error = np.abs(table(0.9, 3) - fair).mean()
@@ -321,7 +321,7 @@ def test_compensation_removes_the_bias_of_a_habit() -> None:
 
 def test_pairs_and_simulation_learn_the_same() -> None:
     pairs = real_pairs(8_000, 0.0, 4)
-    learned = DenseTable.from_pairs(pairs, bins=4, uniform=0.5, blur=0.0)
+    learned = DenseTable.from_pairs(pairs, bins=4, uniform=0.5)
     simulated = DenseTable.from_simulation(
         bins=4, num_samples=20 * BLOCK, simulator=CorrespondenceSimulator(mismatch=0.5)
     )
@@ -350,6 +350,9 @@ def test_slices_never_met_say_nothing() -> None:
     one = (Correspondences(1.0, 0.3, 2.0, 0.29), 0.3, 0.4)
     table = DenseTable.from_pairs([one], bins=8)
     assert np.count_nonzero(np.ptp(table.log_ratio, axis=(1, 2))) == 1
+    # one sample and its mirror image, and no other cell, unless a blur is asked for
+    assert np.count_nonzero(table.log_ratio > 0.0) == 2
+    assert np.count_nonzero(DenseTable.from_pairs([one], bins=8, blur=1.0).log_ratio > 0.0) > 2
 
 
 @pytest.mark.parametrize(

@@ -13,13 +13,14 @@ import pytest
 from pflut.camera import EquirectangularPanorama
 from pflut.datasets import Dataset
 from pflut.evaluation import trajectory_errors
+from pflut.pair_errors import PairErrors
 from pflut.plot import (
     ParticleFrame,
     animate_particles,
     plot_correspondences,
-    plot_error_against,
     plot_errors,
     plot_medians,
+    plot_pair_errors,
     plot_posterior,
     plot_trajectory,
     save_figure,
@@ -146,25 +147,27 @@ def test_errors_mark_convergence_and_keep_gaps():
     assert labels(plot_errors(errors)) == set()
 
 
-def test_error_against_draws_the_medians():
-    x = np.array([0.1, 0.2, 0.3, 1.1, 1.2, 1.3])
-    figure = plot_error_against(
-        x,
-        {"a": [1, -2, 3, 4, 50, 6], "b": np.full(6, np.nan)},
-        xlabel="distance [m]",
-        bins=[0, 1, 2],
-        title="t",
+def test_errors_of_pairs_are_drawn_at_the_bins_that_have_enough():
+    distance = np.array([0.1, 0.2, 0.3, 0.4, 1.1, 1.2, 2.2, 2.4, 7.0])
+    heading = np.radians(np.arange(9.0))
+    errors = {
+        "a": PairErrors(heading, heading, 2 * heading, 0.0),
+        "b": PairErrors(*[heading] * 3, 0),
+    }
+    figure = plot_pair_errors(
+        distance, errors, xlabel="distance [m]", edges=[0, 1, 2, 3], least=2, title="t"
     )
-    axes = figure.axes[0]
-    a, b = axes.get_lines()
-    np.testing.assert_array_equal(a.get_xydata(), [[0.5, 2], [1.5, 6]])
-    assert np.isnan(b.get_ydata()).all()
-    assert axes.get_xlabel() == "distance [m]"
-    assert [t.get_text() for t in axes.get_legend().get_texts()] == ["a", "b"]
-    band = axes.collections[0].get_paths()[0].vertices
-    assert {tuple(v) for v in band.tolist()} >= {(0.5, 1.0), (0.5, 3.0), (1.5, 4.0), (1.5, 8.0)}
-    logarithmic = plot_error_against(x, {"a": x}, xlabel="x", bins=3, logarithmic=True)
-    assert logarithmic.axes[0].get_yscale() == "log"
+    for axes, title, factor in zip(figure.axes, ("heading", "rotation"), (1, 2), strict=True):
+        assert axes.get_ylabel() == f"{title} error [deg], median and MAD"
+        assert axes.get_xlabel() == "distance [m]"
+        a, b = (container.lines[0] for container in axes.containers)
+        assert a.get_xdata() == pytest.approx([0.5, 1.5, 2.5], abs=0.02)
+        assert a.get_ydata() == pytest.approx(factor * np.array([1.5, 4.5, 6.5]))
+        assert b.get_ydata() == pytest.approx([1.5, 4.5, 6.5])
+    few = plot_pair_errors(distance, errors, xlabel="x", edges=[0, 1, 2, 3], least=3)
+    assert len(few.axes[0].containers[0].lines[0].get_xdata()) == 1
+    with pytest.raises(ValueError, match="at least one setting"):
+        plot_pair_errors(distance, errors, xlabel="x", edges=[0, 1, 2, 3])
 
 
 @pytest.mark.parametrize("x", [[0.0, 0.5, 0.9], ["home 1", "home 2", "car"]])

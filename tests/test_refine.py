@@ -12,7 +12,13 @@ from pflut._robust import TUKEY, robust_weight
 from pflut.correspondences import Correspondences
 from pflut.geometry import bearing_angles, relative_headings, wrap_to_pi
 from pflut.likelihood.table import bearing_columns
-from pflut.relpose.refine import CUTOFFS, LOSSES, STEPS_PER_CUTOFF, refine_relative_pose
+from pflut.relpose.refine import (
+    CUTOFFS,
+    LOSSES,
+    STEPS_PER_CUTOFF,
+    refine_headings,
+    refine_relative_pose,
+)
 from pflut.relpose.refine_kernels import _residual, _solve, refine, refine_many, refine_pose
 from pflut.simulation.correspondences import CorrespondenceSimulator
 
@@ -214,6 +220,22 @@ def test_cauchy_s_loss_is_the_most_accurate_of_few() -> None:
         medians[loss] = np.median(errors)
     assert medians["cauchy"] < 0.97 * medians["tukey"]
     assert medians["huber"] == pytest.approx(medians["cauchy"], rel=0.05)
+
+
+def test_without_a_loss_nothing_moves_and_what_agrees_is_weighed() -> None:
+    """Residuals beyond three standard deviations count nothing: the covariance is without them."""
+    c, *truth = CorrespondenceSimulator(mismatch=0.0, noise=0.02).pair(200, 5)
+    pose = np.array([truth])
+    residuals = [abs(naive.epipolar_residual(bearing, *truth)[0]) for bearing in angles_of(c)]
+    agrees = np.array(residuals) < 0.03
+    assert np.count_nonzero(~agrees & (np.array(residuals) < 0.06)) > 10
+    covariances = []
+    for some in (c, c[agrees]):
+        first = np.array([0, len(some)])
+        headings, covariance = refine_headings(bearing_columns(some), first, pose, None, 0.01)
+        assert (headings == pose).all()
+        covariances.append(covariance)
+    assert covariances[0] == pytest.approx(covariances[1], rel=1e-9)
 
 
 def test_nothing_to_polish_stays_where_it_is() -> None:

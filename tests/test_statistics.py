@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pflut.statistics import (
-    binned_medians,
+    bin_indices,
     bootstrap_median,
     bootstrap_median_ratio,
     median_absolute_deviation,
@@ -98,19 +98,11 @@ def test_bootstrap_ratio_covers_the_ratio_of_medians():
         bootstrap_median_ratio([1.0], [1.0], level=1.0)
 
 
-def test_binned_medians_are_the_naive_ones():
-    rng = np.random.default_rng(4)
-    x, errors = rng.uniform(-1, 6, 300), rng.normal(size=300)
-    errors[::10] = np.nan
-    edges = np.array([0, 1, 2.5, 4, 5, 5.0001])
-    x[0], x[1], errors[1] = 0.0, 5.0001, 0.5
-    median, mad, count = binned_medians(x, errors, edges)
-    for i in range(3):
-        inside = np.abs(errors[(x >= edges[i]) & (x < edges[i + 1]) & ~np.isnan(errors)])
-        assert count[i] == len(inside)
-        assert median[i] == np.median(inside)
-        assert mad[i] == np.median(np.abs(inside - np.median(inside)))
-    assert count[4] == 1
-    empty = binned_medians([], [], edges)
-    assert np.isnan(empty[0]).all()
-    assert empty[2].sum() == 0
+def test_bins_hold_what_lies_between_their_edges():
+    edges = [0.0, 1.0, 2.5, 5.0]
+    x = [-0.1, 0.0, 0.99, 1.0, 2.5, 4.9, 5.0, 5.1, np.nan, np.inf]
+    assert bin_indices(x, edges).tolist() == [-1, 0, 0, 1, 2, 2, 2, -1, -1, -1]
+    values = np.random.default_rng(4).uniform(-1.0, 6.0, 300)
+    counted = [np.count_nonzero(bin_indices(values, edges) == k) for k in range(3)]
+    assert counted == np.histogram(values, edges)[0].tolist()
+    assert bin_indices([], edges).shape == (0,)

@@ -177,7 +177,7 @@ def _pairs(arguments: argparse.Namespace, bars: Bars) -> tuple[str, list[Pair], 
         cache=FeatureCache(),
         progress=bars.stage("pairs"),
     )
-    pairs = [(pair.correspondences, pair.heading_l, pair.heading_r) for pair in found]
+    pairs = [pair.known for pair in found]
     source = f"{dataset.name}, {len(pairs)} pairs within {arguments.max_distance:g} m"
     return source, pairs, dataset.camera
 

@@ -300,7 +300,7 @@ def _from_dataset(arguments: argparse.Namespace, bars: Bars) -> LikelihoodTable 
         cache=FeatureCache(),
         progress=bars.stage("pairs"),
     )
-    pairs = ((pair.correspondences, pair.heading_l, pair.heading_r) for pair in found)
+    pairs = (pair.known for pair in found)
     source = f"{dataset.name}, pairs within {arguments.max_distance:g} m"
     if prior is None:
         return DenseTable.from_pairs(pairs, bins=arguments.bins, source=source)

@@ -213,7 +213,7 @@ class DenseTable:
         *,
         bins: int = 32,
         uniform: float = 0.3,
-        blur: float = 1.0,
+        blur: float = 0.0,
         compensate: bool = True,
         source: str = "pairs",
     ) -> DenseTable:
@@ -228,7 +228,9 @@ class DenseTable:
         uniform : float
             Share in (0, 1) of uniform azimuths mixed in, beside the data's own mismatches.
         blur : float
-            Standard deviation in cells of a Gaussian over (u, v); 0 for none.
+            Standard deviation in cells of a Gaussian over (u, v); 0, as in the paper, for none. It
+            costs tables of up to 64 bins more than it gives, learned from 200 pairs or from 6,500;
+            half a cell to one is worth trying with 128.
         compensate : bool
             Weight each sample by one over the frequency of its relative pose.
         source : str

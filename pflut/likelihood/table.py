@@ -299,7 +299,9 @@ class LikelihoodTable:
         Parameters
         ----------
         num_samples : int
-            Simulated correspondences, half of them true and half of them mismatches.
+            Simulated correspondences, half of them true and half of them mismatches. Fewer than the
+            default cost accuracy, the more the less noise: at 0.005 rad a table of 4 million is
+            clearly worse than one of 64 million.
         simulator : CorrespondenceSimulator, optional
             Noise, tilt, scene and field of view; its share of mismatches becomes the table's.
             Default: the paper's, with 90 % mismatches.

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from pflut.plot.animation import ParticleFrame as ParticleFrame
     from pflut.plot.animation import animate_particles as animate_particles
     from pflut.plot.calibration import plot_calibration as plot_calibration
-    from pflut.plot.errors import plot_error_against as plot_error_against
     from pflut.plot.errors import plot_errors as plot_errors
     from pflut.plot.errors import plot_medians as plot_medians
+    from pflut.plot.errors import plot_pair_errors as plot_pair_errors
     from pflut.plot.map import draw_map as draw_map
     from pflut.plot.map import plot_trajectory as plot_trajectory
     from pflut.plot.pair import plot_correspondences as plot_correspondences
@@ -30,9 +30,9 @@ _NAMES = {
     "draw_map": "map",
     "plot_calibration": "calibration",
     "plot_correspondences": "pair",
-    "plot_error_against": "errors",
     "plot_errors": "errors",
     "plot_medians": "errors",
+    "plot_pair_errors": "errors",
     "plot_posterior": "pair",
     "plot_trajectory": "map",
     "save_figure": "style",

@@ -9,8 +9,9 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from pflut.evaluation import CONVERGED_HEADING, CONVERGED_POSITION, TrajectoryErrors
+from pflut.pair_errors import PairErrors
 from pflut.plot.style import CYCLE, GREY, new_figure, tidy
-from pflut.statistics import binned_medians, summarize
+from pflut.statistics import bin_indices, summarize
 
 # Nothing below these is worth a decade of the axis: a tenth of a millimetre and of a millidegree.
 _LEAST = 1e-4
@@ -148,66 +149,49 @@ def plot_medians(
     return figure
 
 
-def plot_error_against(
+def plot_pair_errors(
     x: ArrayLike,
-    errors: Mapping[str, ArrayLike],
+    errors: Mapping[str, PairErrors],
     *,
     xlabel: str,
-    ylabel: str = "heading error [deg]",
-    bins: int | ArrayLike = 8,
-    logarithmic: bool = False,
+    edges: ArrayLike,
+    least: int = 5,
     title: str | None = None,
 ) -> Figure:
-    """Draw the medians of errors in bins of x, with a band of one MAD, for several methods.
+    """Draw errors of relative poses in bins of what they depend on: headings, and rotations.
 
     Parameters
     ----------
     x : array_like of shape (n,)
-        What the errors depend on, for example the distance between the views.
-    errors : mapping of str to array_like of shape (n,)
-        By method, in the unit of ``ylabel``; absolute values are taken, NaN are left out.
-    xlabel, ylabel : str
-        With units.
-    bins : int or array_like of shape (b + 1,)
-        The number of equal bins between the least and the largest x, or their edges.
-    logarithmic : bool
-        Whether the axis of the errors is.
+        Of each pair, for example the distance between its views.
+    errors : mapping of str to PairErrors
+        Of n pairs each, by estimator.
+    xlabel : str
+        With unit.
+    edges : array_like of shape (b + 1,)
+        Increasing, see `bin_indices`.
+    least : int
+        Pairs in a bin that is drawn.
     title : str, optional
 
     Returns
     -------
     Figure
+        Of `plot_medians`.
+
+    Raises
+    ------
+    ValueError
+        If no bin holds as many pairs.
     """
-    position = np.asarray(x, dtype=np.float64)
-    edges = (
-        np.linspace(position.min(), position.max(), bins + 1)
-        if isinstance(bins, int)
-        else np.asarray(bins, dtype=np.float64)
-    )
-    centers = (edges[1:] + edges[:-1]) / 2.0
-    figure = new_figure(7.0, 4.2)
-    axes = figure.add_subplot()
-    for i, (name, values) in enumerate(errors.items()):
-        median, mad, _ = binned_medians(position, values, edges)
-        color = CYCLE[i % len(CYCLE)]
-        axes.plot(
-            centers,
-            median,
-            marker="os^Dvx+"[i % 7],
-            color=color,
-            linewidth=1.4,
-            markersize=5,
-            label=name,
-        )
-        low = np.maximum(median - mad, _LEAST if logarithmic else 0.0)
-        axes.fill_between(centers, low, median + mad, color=color, alpha=0.15, linewidth=0)
-    if logarithmic:
-        axes.set_yscale("log")
-    else:
-        axes.set_ylim(bottom=0.0)
-    axes.set(xlabel=xlabel, ylabel=f"{ylabel}, median and MAD", xlim=(edges[0], edges[-1]))
-    tidy(axes)
-    if title:
-        axes.set_title(title)
-    axes.legend(frameon=False, fontsize=9)
-    return figure
+    place, border = bin_indices(x, edges), np.asarray(edges, dtype=np.float64)
+    kept = [k for k in range(len(border) - 1) if np.count_nonzero(place == k) >= least]
+    panels = {
+        f"{angle} error [deg]": {
+            name: [np.degrees(getattr(error, field)[place == k]) for k in kept]
+            for name, error in errors.items()
+        }
+        for angle, field in (("heading", "heading_l"), ("rotation", "rotation"))
+    }
+    centers = ((border[1:] + border[:-1]) / 2.0)[kept].tolist()
+    return plot_medians(centers, panels, xlabel=xlabel, title=title)

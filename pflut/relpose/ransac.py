@@ -70,7 +70,8 @@ def ransac_relative_pose(
         Whether planar samples hold only correspondences whose bearings lie on one side of the
         horizon: others agree with no pose, and of mismatches they are half.
     loss : {"cauchy", "huber", "tukey"}, optional
-        The M-estimator's, see `refine_relative_pose`; ``None`` for none.
+        The M-estimator's, see `refine_relative_pose`. ``None`` for none: the pose stays as it is,
+        and its covariance is of what agrees with it within three standard deviations.
     noise : float
         Standard deviation of the bearings, radians; it sets the M-estimator's cut-offs.
     rng : numpy.random.Generator or int, optional

@@ -121,7 +121,8 @@ def refine_headings(
     headings : ndarray of shape (p, 2)
         Where to start, radians.
     loss : str, optional
-        ``None`` leaves the headings where they are.
+        ``None`` leaves the headings where they are, and weighs what agrees with them as the default
+        loss does.
     noise : float
 
     Returns
@@ -133,7 +134,7 @@ def refine_headings(
     moved, pairs = headings.copy(), len(headings)
     information, inliers = np.empty((pairs, 4)), np.empty(pairs, np.int64)
     # without a loss the same kernel, standing still, weighs what agrees
-    cutoffs = noise * (CUTOFFS if loss else CUTOFFS[:1])
+    cutoffs = noise * (CUTOFFS if loss else CUTOFFS[-1:])
     steps = STEPS_PER_CUTOFF if loss else 1
     knee, owners = chosen.knee * noise, np.arange(pairs)
     refine_many(
