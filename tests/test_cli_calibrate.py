@@ -72,7 +72,7 @@ def test_a_dataset(capfd: pytest.CaptureFixture[str], room_folder: Path) -> None
         (["--simulate", "9", "--table", "none.npz"], "none.npz"),
         (["--simulate", "9", "--figure", "curve.txt"], "curve.txt: no format for figures"),
         (["--simulate", "9", "--figure", "no/curve.png"], "its folder does not exist"),
-        (["--max-distance", "0.01"], "no reference and query with true poses within 0.01 m"),
+        (["--max-distance", "0.01"], "no reference and query with true poses 0 to 0.01 m apart"),
     ],
 )
 def test_bad_input_ends_in_one_line(
