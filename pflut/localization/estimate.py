@@ -46,8 +46,10 @@ class Estimate:
         and for a robot that is lost: where the cluster holds less than 5 % of the weight.
         Differences of headings are wrapped.
     confidence : float
-        Share of the weight within 0.5 m and 10 degrees of ``pose``, in [0, 1]: what the
-        particles give for the probability that the pose is that good.
+        In [0, 1]: what the particles give for the probability that the pose is within 0.5 m and
+        10 degrees, their share of the weight there. Of a filter's update the smaller one of that
+        and of what Bayes' rule makes of the image, before any flattening: when the image speaks
+        for another place, it falls at once.
     cluster_weight : float
         Share of the weight that the pose is the mean of, in (0, 1].
     effective_sample_size : float
@@ -292,6 +294,26 @@ def heaviest_cluster(poses: FloatArray, weights: FloatArray) -> Cluster:
     return Cluster(share, mean, covariance, radius, angle)
 
 
+def mass_near(poses: FloatArray, weights: FloatArray, pose: FloatArray) -> float:
+    """Give the share of the weight within 0.5 m and 10 degrees of a pose: a confidence.
+
+    Parameters
+    ----------
+    poses : ndarray of shape (N, 3)
+        float64, contiguous, finite.
+    weights : ndarray of shape (N,)
+        Their sum is one.
+    pose : ndarray of shape (3,)
+
+    Returns
+    -------
+    float
+        In [0, 1].
+    """
+    share, _, _ = _window(poses, weights, pose, CONFIDENCE_RADIUS, CONFIDENCE_ANGLE)
+    return min(share, 1.0)
+
+
 def summarize(poses: FloatArray, weights: Weights, *, method: str = "cluster") -> Estimate:
     """Estimate the pose from particles whose weights are normalised already.
 
@@ -317,11 +339,10 @@ def summarize(poses: FloatArray, weights: Weights, *, method: str = "cluster") -
     else:
         raise ValueError(f"method: expected one of {METHODS}, got {method!r}")
     pose[2] = wrap_to_pi(pose[2])
-    near, _, _ = _window(poses, weights.linear, pose, CONFIDENCE_RADIUS, CONFIDENCE_ANGLE)
     return Estimate(
         pose=pose,
         covariance=covariance,
-        confidence=min(near, 1.0),
+        confidence=mass_near(poses, weights.linear, pose),
         cluster_weight=min(share, 1.0),
         effective_sample_size=weights.effective_sample_size,
         num_particles=len(weights),

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pflut.geometry import FloatArray, as_poses, wrap_to_pi
-from pflut.localization.estimate import METHODS, Estimate, summarize
+from pflut.localization.estimate import METHODS, Estimate, mass_near, summarize
 from pflut.localization.filter_state import FilterState
 from pflut.localization.history import History
 from pflut.localization.hypotheses import Hypothesis, find_hypotheses
+from pflut.localization.hypothesis_weights import temper_hypotheses
 from pflut.localization.initial_poses import Bounds, gaussian_poses, uniform_poses
 from pflut.localization.motion import MotionModel
 from pflut.localization.particles import Particles
@@ -48,6 +49,10 @@ class ParticleFilter:
         them is flattened by an exponent until it leaves as many (`tempering_exponent`). 0 never
         does, which is Bayes' rule; 0.1 keeps a few thousand particles alive under likelihoods
         much sharper than their distances, and a lost robot's other hypotheses with them.
+    hypothesis_temperature : float
+        In (0, 1]: factor on the log-evidence by which an image tells clusters of particles apart,
+        see `temper_hypotheses`. 1 is Bayes' rule; less keeps several hypotheses alive where places
+        look alike, until an image speaks clearly.
     recovery : Recovery, optional
         Finds a robot that was carried away. Without it a filter that has lost the robot may stay
         lost.
@@ -92,6 +97,7 @@ class ParticleFilter:
         resampling: str | Resampler = "systematic",
         resample_when: ResamplingPolicy = EffectiveSizeBelow(0.5),  # noqa: B008 (frozen)
         min_effective_share: float = 0.0,
+        hypothesis_temperature: float = 1.0,
         recovery: Recovery | None = None,
         history: int = 0,
         estimate_method: str = "cluster",
@@ -103,6 +109,10 @@ class ParticleFilter:
             raise ValueError(
                 f"min_effective_share: expected a share in [0, 1), got {min_effective_share}"
             )
+        if not 0.0 < hypothesis_temperature <= 1.0:
+            raise ValueError(
+                f"hypothesis_temperature: expected in (0, 1], got {hypothesis_temperature}"
+            )
         if estimate_method not in METHODS:
             raise ValueError(f"estimate_method: expected one of {METHODS}, got {estimate_method!r}")
         self.motion = motion
@@ -110,6 +120,7 @@ class ParticleFilter:
         self.num_particles = num_particles
         self.resample_when = resample_when
         self.min_effective_share = min_effective_share
+        self.hypothesis_temperature = hypothesis_temperature
         self.recovery = recovery
         self.estimate_method = estimate_method
         self.rng = np.random.default_rng(rng)
@@ -193,14 +204,22 @@ class ParticleFilter:
             share = weights.share_of_last(proposed)
             log_mean = weights.log_mean + float(np.log(max(1.0 - share, 1e-300)))
             log_mean -= float(np.log1p(-carried_away))
-            particles.weights, exponent = tempered(
+            after, exponent = tempered(
                 particles.weights, weights, log_likelihood, self.min_effective_share
             )
+            particles.weights = temper_hypotheses(
+                particles.poses, particles.weights, after, self.hypothesis_temperature
+            )
             self._averages = self._averages_after(log_mean)
+        weighted = particles.poses
         if proposed and (weights is None or particles.share_of_last(proposed) < 1.0 / self._most):
             particles.forget_last(proposed)
 
         estimate = self.estimate()
+        if weights is not None:
+            # however little an image may count, it may say that the robot is not there
+            said = mass_near(weighted, weights.linear, estimate.pose)
+            estimate = replace(estimate, confidence=min(estimate.confidence, said))
 
         # resample when too few particles carry the weight: table 8.2, lines 8 to 11
         particles.count_update(weights is not None)

@@ -85,6 +85,7 @@ def make_filter(
         resampling=options.resampling,
         resample_when=few & EveryUpdates(options.resample_interval) & moved,
         min_effective_share=options.min_effective_share,
+        hypothesis_temperature=options.hypothesis_temperature,
         recovery=_recovery(proposing or sensor, options, bounds),
         rng=options.seed,
     )

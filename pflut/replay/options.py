@@ -82,6 +82,14 @@ class ReplayOptions:
         0.1, "an image is flattened until so many effective particles are left", "filter", "[0, 1)"
     )
 
+    hypothesis_temperature: float = _option(
+        0.05,
+        "factor on what an image says of places against each other, where the robot may be in "
+        "several of them",
+        "filter",
+        "(0, 1]",
+    )
+
     recovery: str = _option(
         "references",
         "where to look for a robot that was carried away: where the references say that look like "

@@ -1,0 +1,98 @@
+"""How much an image may tell hypotheses apart."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pflut._jit import jit
+from pflut.geometry import TWO_PI, FloatArray
+from pflut.localization.estimate import heaviest_cluster
+from pflut.localization.weights import Weights
+
+MAX_CLUSTERS = 8
+LEAST_SHARE = 0.01
+"""Of the weight: a smaller cluster is part of the rest, and one that fits is not made smaller."""
+ENOUGH = 5.0
+"""Nats of evidence that an image fits in a place."""
+SURE = 0.999
+"""So much weight in one cluster, and there is nothing to tell apart."""
+
+
+@jit
+def _claim(
+    poses: FloatArray,
+    center: FloatArray,
+    radius: float,
+    angle: float,
+    number: int,
+    owners: NDArray[np.int64],
+    left: FloatArray,
+) -> None:
+    """Give a window's particles that nobody owns to a cluster, and take their weight: O(N)."""
+    for i in range(owners.size):
+        x = poses[i, 0] - center[0]
+        y = poses[i, 1] - center[1]
+        h = poses[i, 2] - center[2]
+        h -= TWO_PI * np.rint(h * (1.0 / TWO_PI))
+        if owners[i] < 0 and x * x + y * y <= radius * radius and abs(h) <= angle:
+            owners[i] = number
+            left[i] = 0.0
+
+
+def temper_hypotheses(
+    poses: FloatArray, before: Weights, after: Weights, temperature: float
+) -> Weights:
+    """Flatten what an image says of places against each other where it fits in several.
+
+    The evidence of a cluster of particles is their mean likelihood. Up to ``ENOUGH`` it counts as
+    it is: an image tells a place where it fits from one where it does not. Beyond, it counts by the
+    power ``temperature``: how well it fits in one place and in another that looks alike is mostly
+    chance, and a sensor model that adds up matches as if they were independent is right about where
+    in a place the robot is, and far too sure about the place: the same furniture is matched, or
+    not, in one reference after the other. Within a cluster the weights are by Bayes' rule. A
+    hypothesis where the image fits is never given up: it keeps a hundredth of the weight.
+
+    Parameters
+    ----------
+    poses : ndarray of shape (N, 3)
+    before, after : Weights
+        Before the image and, by `Weights.times`, after it; likelihoods are ratios against an image
+        that says nothing.
+    temperature : float
+        In (0, 1]: 1 is Bayes' rule.
+
+    Returns
+    -------
+    Weights
+        ``after`` where there is but one hypothesis.
+    """
+    if temperature == 1.0:
+        return after
+    # of the weight before as well: a hypothesis that an image all but ruled out is one, too
+    left = 0.5 * (before.linear + after.linear)
+    cluster = heaviest_cluster(poses, left)
+    if cluster.share >= SURE:
+        return after
+    owners = np.full(len(after), -1, dtype=np.int64)
+    number = 0
+    while cluster.share >= LEAST_SHARE:
+        _claim(poses, cluster.pose, cluster.radius, cluster.angle, number, owners, left)
+        number += 1
+        if number == MAX_CLUSTERS or left.sum() < LEAST_SHARE:
+            break
+        cluster = heaviest_cluster(poses, left)
+    owners[owners < 0] = number
+    prior = np.bincount(owners, before.linear, minlength=number + 1)
+    posterior = np.bincount(owners, after.linear, minlength=number + 1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        evidence = np.log(posterior) - np.log(prior) + after.log_mean
+    # a cluster without weight stays without
+    excess = np.where(posterior > 0.0, np.maximum(evidence - ENOUGH, 0.0), 0.0)
+    flat = posterior * np.exp((temperature - 1.0) * (excess - excess.max()))
+    flat /= flat.sum()
+    fits = (excess > 0.0) & (np.arange(number + 1) < number)
+    flat[fits] = np.maximum(flat[fits], LEAST_SHARE)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        factor = np.where(posterior > 0.0, np.log(flat) - np.log(posterior), 0.0)
+    return Weights.from_log(after.log + factor[owners])
