@@ -280,6 +280,20 @@ def test_a_robot_that_was_carried_off_is_found_again(kind, after):
 
 
 @pytest.mark.parametrize("kind", FILTERS)
+def test_a_search_that_finds_nothing_changes_nothing(kind):
+    """All contradict the filter, and each other."""
+    kf = make(kind, relocalize_after=1, min_fixes=4)
+    rng = np.random.default_rng(4)
+    fixes = measured(kf.pose, std=1e-3)
+    wild = [replace(f, headings=f.headings + rng.uniform(1.0, 5.0, 2)) for f in fixes]
+    estimate = kf.update(wild)
+    assert len(kf._clues) == len(wild)  # it did search
+    assert estimate.degenerate
+    np.testing.assert_array_equal(estimate.pose, make(kind).pose)
+    np.testing.assert_array_equal(estimate.covariance, make(kind).covariance)
+
+
+@pytest.mark.parametrize("kind", FILTERS)
 def test_covariance_tells_the_error(kind):
     """The normalised squared errors of a drive average to three, within 5 standard errors."""
     rng = np.random.default_rng(9)
