@@ -1151,3 +1151,14 @@ def kld_sample_size(poses: np.ndarray, weights: np.ndarray, kld: object) -> int:
         turn = heading / (2 * np.pi) % 1.0
         cells.add((x // kld.cell_size, y // kld.cell_size, int(turn * round(width))))
     return n
+
+
+def claim(poses, center, radius, angle, number, owners, left):
+    """Number the particles in a window that nobody owns, and take their weight."""
+    owners, left = owners.copy(), left.copy()
+    for i, (x, y, heading) in enumerate(poses):
+        turn = math.remainder(heading - center[2], 2 * math.pi)
+        near = math.hypot(x - center[0], y - center[1]) <= radius and abs(turn) <= angle
+        if owners[i] < 0 and near:
+            owners[i], left[i] = number, 0.0
+    return owners, left
