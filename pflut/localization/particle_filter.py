@@ -216,7 +216,7 @@ class ParticleFilter:
             particles.forget_last(proposed)
 
         estimate = self.estimate()
-        if weights is not None:
+        if weights is not None and weights is not particles.weights:
             # however little an image may count, it may say that the robot is not there
             said = mass_near(weighted, weights.linear, estimate.pose)
             estimate = replace(estimate, confidence=min(estimate.confidence, said))
