@@ -12,6 +12,9 @@ from pflut.geometry import TWO_PI, FloatArray, relative_headings, wrap_to_pi
 from pflut.localization.initial_poses import Bounds, check_bounds, uniform_poses
 from pflut.localization.reference_image_model import ReferenceImageModel
 
+CANDIDATES = 2
+"""So many times the references that are asked are matched, the most similar ones of the map."""
+
 
 class PoseProposal(Protocol):
     """What `Recovery` asks of a proposal."""
@@ -145,7 +148,9 @@ class ReferenceProposal:
 
     def _components(self, observation: Any) -> list[_Component]:
         """Make the mixture: the best references, evidence counting for half of their shares."""
-        matches = self.sensor.match(None, observation)[: self.max_references]
+        matches = self.sensor.match(
+            None, observation, max_candidates=CANDIDATES * self.max_references
+        )[: self.max_references]
         factor = self.flattening * self.sensor.temperature
         cells, evidence = [], np.empty(len(matches))
         for k, match in enumerate(matches):

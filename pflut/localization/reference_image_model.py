@@ -141,7 +141,9 @@ class ReferenceImageModel:
             raise ValueError("observation: an image, but the model was made without an extractor")
         return self.extractor(image)
 
-    def match(self, poses: ArrayLike | None, observation: Any) -> list[ReferenceMatch]:
+    def match(
+        self, poses: ArrayLike | None, observation: Any, *, max_candidates: int | None = None
+    ) -> list[ReferenceMatch]:
         """Match an image with the references worth comparing.
 
         Parameters
@@ -150,6 +152,8 @@ class ReferenceImageModel:
             Where the robot may be; None is anywhere in the map.
         observation : Features, image or sequence of ReferenceMatch
             What was matched already is not matched again: of a matcher of one's own, say.
+        max_candidates : int, optional
+            So many references are matched; by default the model's.
 
         Returns
         -------
@@ -165,7 +169,8 @@ class ReferenceImageModel:
         if _is_matched(observation):
             matches = self._near(checked, observation)
         else:
-            matches = self._matched(checked, observation)
+            most = self.max_candidates if max_candidates is None else max_candidates
+            matches = self._matched(checked, observation, most)
         matches = [match for match in matches if len(match.correspondences) >= self.min_matches]
         matches.sort(key=lambda match: (-len(match.correspondences), match.index))
         return matches[: self.max_references]
@@ -223,14 +228,16 @@ class ReferenceImageModel:
             )
         return total
 
-    def _matched(self, poses: FloatArray | None, observation: Any) -> list[ReferenceMatch]:
+    def _matched(
+        self, poses: FloatArray | None, observation: Any, most: int
+    ) -> list[ReferenceMatch]:
         """Match an image with the candidates; of the last image what is known is remembered."""
         if self._last[0] is not observation:
             known = isinstance(observation, Features)
             self._last = observation, observation if known else self.observe(observation), {}
         _, features, matched = self._last
         indices = self.reference_map.candidates(
-            features, poses, max_range=self.max_range, max_candidates=self.max_candidates
+            features, poses, max_range=self.max_range, max_candidates=most
         )
         new = [int(index) for index in indices if int(index) not in matched]
         pairs = match_many(
