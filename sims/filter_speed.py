@@ -1,19 +1,28 @@
-"""Measure the filter's parts, in ns a particle, beside filterpy's and plain NumPy's in one run.
+"""Measure the filter's parts in ns a particle, beside filterpy, particles and NumPy, in one run.
 
     python sims/filter_speed.py [N ...]
 
 Each figure is the median of several runs in this process, on one core. A whole step is motion,
-weights, estimate and resampling, with a sensor that costs nothing.
+weights, estimate and resampling, with a sensor that costs nothing; the last lines are those of an
+image with matches given. `particles` is measured where it is installed.
 """
 
 from __future__ import annotations
 
 import argparse
+import tracemalloc
 from collections.abc import Callable
 from time import perf_counter
 
 import numpy as np
 
+from pflut import (
+    CorrespondenceSimulator,
+    LikelihoodTable,
+    ReferenceImageModel,
+    ReferenceMap,
+    ReferenceMatch,
+)
 from pflut.localization.estimate import summarize
 from pflut.localization.motion import DifferentialDrive
 from pflut.localization.particle_filter import ParticleFilter
@@ -21,7 +30,13 @@ from pflut.localization.resampling import RESAMPLERS
 from pflut.localization.resampling_policy import EffectiveSizeBelow
 from pflut.localization.weights import Weights
 
+try:
+    from particles import resampling as theirs
+except ImportError:
+    theirs = None
+
 ODOMETRY = np.array([0.3, 0.05, 0.1])
+REFERENCES = 10
 
 
 def median_ns(function: Callable[[], object], n: int) -> float:
@@ -91,9 +106,12 @@ def main() -> None:
     for name, ours, theirs in (
         ("systematic: filterpy / pflut", "systematic", "filterpy systematic"),
         ("systematic: NumPy / pflut", "systematic", "NumPy systematic"),
+        ("systematic: particles / pflut", "systematic", "particles systematic"),
         ("motion: NumPy / pflut", "motion, differential", "NumPy motion"),
         ("whole step: NumPy / pflut", "whole step, always resampling", "NumPy whole step"),
     ):
+        if theirs not in rows:
+            continue
         ratios = (b / a for a, b in zip(rows[ours], rows[theirs], strict=True))
         print(f"{name:<42}" + "".join(f"{ratio:>9.1f}x" for ratio in ratios))
 
@@ -116,6 +134,8 @@ def measure(n: int, report: Callable[[str, float], None]) -> None:
         report(name, median_ns(lambda resample=resample: resample(some().linear, n, rng), n))
     report("filterpy systematic", median_ns(lambda: systematic_resample(some().linear), n))
     report("NumPy systematic", median_ns(lambda: numpy_systematic(some().linear, rng), n))
+    if theirs is not None:
+        report("particles systematic", median_ns(lambda: theirs.systematic(some().linear, n), n))
 
     drive = DifferentialDrive()
     floor = DifferentialDrive(position_noise=0.01, heading_noise=0.01)
@@ -144,6 +164,37 @@ def measure(n: int, report: Callable[[str, float], None]) -> None:
         start = median_ns(lambda pf=pf: pf.initialize(poses), n)
         report(f"whole step, {name} resampling", median_ns(step, n) - start)
     report("NumPy whole step", median_ns(lambda: numpy_step(poses, log_likelihood, rng), n))
+    measure_sensor(n, report)
+
+
+def measure_sensor(n: int, report: Callable[[str, float], None]) -> None:
+    """Measure an update with ten references whose matches are given, 100 with each."""
+    rng = np.random.default_rng(1)
+    references = rng.uniform([-3, -3, -np.pi], [3, 3, np.pi], (REFERENCES, 3))
+    pairs, _ = CorrespondenceSimulator(mismatch=0.8).pairs(REFERENCES, 100, rng=0)
+    matches = [ReferenceMatch(index, pair) for index, pair in enumerate(pairs)]
+    table = LikelihoodTable.default(bins=192)
+    sensor = ReferenceImageModel(ReferenceMap.of_poses(references), table, max_range=8.0)
+    poses = rng.normal([0.2, 0.1, 1.0], [0.3, 0.3, 0.1], (n, 3))
+    pf = ParticleFilter(DifferentialDrive(), sensor, num_particles=n, rng=0)
+    pf.initialize(poses)
+    likelihood = median_ns(lambda: sensor.log_likelihood(poses, matches), n)
+    report("likelihood, 10 references, a reference", likelihood / REFERENCES)
+
+    def update() -> None:
+        pf.initialize(poses)
+        pf.update(matches)
+
+    whole = median_ns(update, n) - median_ns(lambda: pf.initialize(poses), n)
+    report("update, 10 references, a reference", whole / REFERENCES)
+    report("update, 10 references [ms]", 1e-6 * whole * n)
+    pf.initialize(poses)
+    tracemalloc.start()
+    pf.step(ODOMETRY, matches)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    # what the filter had before the step is not traced: poses, weights and their logarithms
+    report("memory at most [bytes]", (peak + 5 * 8 * n) / n)
 
 
 if __name__ == "__main__":
