@@ -32,8 +32,8 @@ class ReplayOptions:
     num_particles: int = _option(5000, "particles", "filter", "[1, inf)", flag="particles")
     min_particles: int | None = _option(
         None,
-        "take as many particles as the posterior needs, so many at least and --particles at most "
-        "(KLD sampling; default: always --particles)",
+        "take as many particles as the posterior needs (KLD sampling), so many at least and "
+        "--particles at most (default: always --particles)",
         "filter",
         "[1, inf)",
         type=int,
