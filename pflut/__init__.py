@@ -38,8 +38,15 @@ if TYPE_CHECKING:
     from pflut.localization.motion import DifferentialDrive as DifferentialDrive
     from pflut.localization.motion import Omnidirectional as Omnidirectional
     from pflut.localization.particle_filter import ParticleFilter as ParticleFilter
+    from pflut.localization.proposals import ReferenceProposal as ReferenceProposal
+    from pflut.localization.proposals import UniformProposal as UniformProposal
+    from pflut.localization.recovery import Recovery as Recovery
     from pflut.localization.reference_image_model import ReferenceImageModel as ReferenceImageModel
     from pflut.localization.relative_pose_model import RelativePoseModel as RelativePoseModel
+    from pflut.localization.resampling_policy import EffectiveSizeBelow as EffectiveSizeBelow
+    from pflut.localization.resampling_policy import EveryUpdates as EveryUpdates
+    from pflut.localization.resampling_policy import Moved as Moved
+    from pflut.localization.sample_size import KLDSampling as KLDSampling
     from pflut.localization.unscented_kalman_filter import (
         UnscentedKalmanFilter as UnscentedKalmanFilter,
     )
@@ -64,25 +71,32 @@ _NAMES = {
     "Dataset": "datasets.base",
     "DeadReckoning": "localization.dead_reckoning",
     "DifferentialDrive": "localization.motion",
+    "EffectiveSizeBelow": "localization.resampling_policy",
     "Estimate": "localization.estimate",
+    "EveryUpdates": "localization.resampling_policy",
     "ExtendedKalmanFilter": "localization.extended_kalman_filter",
     "FeatureExtractor": "features",
     "FilterState": "localization.filter_state",
     "Features": "features",
     "GlobalSearch": "localization.global_search",
     "GridPosterior": "posterior",
+    "KLDSampling": "localization.sample_size",
     "LikelihoodTable": "likelihood.table",
     "DenseTable": "likelihood.dense",
     "load_table": "likelihood.files",
     "Localizer": "localization.localizer",
+    "Moved": "localization.resampling_policy",
     "Omnidirectional": "localization.motion",
     "ParticleFilter": "localization.particle_filter",
+    "Recovery": "localization.recovery",
     "ReferenceImageModel": "localization.reference_image_model",
     "ReferenceMap": "reference_map",
     "ReferenceMatch": "correspondences",
+    "ReferenceProposal": "localization.proposals",
     "RelativePose": "relpose.result",
     "RelativePoseModel": "localization.relative_pose_model",
     "Trajectory": "trajectory",
+    "UniformProposal": "localization.proposals",
     "UnscentedKalmanFilter": "localization.unscented_kalman_filter",
     "coverage": "calibration",
     "estimate_relative_pose": "relpose.estimate",

@@ -20,14 +20,12 @@ import pytest
 
 from pflut import __version__
 from pflut.cli import main
-from pflut.cli.progress import Bars
 from pflut.datasets import load_folder
 from pflut.features import FeatureExtractor, match_indices
 from pflut.likelihood import storage
 from pflut.likelihood.dense import DenseTable
 from pflut.likelihood.files import load_table
 from pflut.likelihood.table import LikelihoodTable
-from pflut.replay import seeds
 from pflut.trajectory import read_tum
 
 COMMAND = (sys.executable, "-c", "import sys; from pflut.cli import main; sys.exit(main())")
@@ -280,75 +278,6 @@ def test_interrupted_replay_keeps_its_steps(room_folder: Path) -> None:
         assert len(read_tum(f"out/{name}")) == len(rows)
     assert 2 <= len(rows) < 12 and all(float(row["error_m"]) >= 0.0 for row in rows)
     assert not json.loads(Path("out/run.json").read_text())["finished"]
-
-
-# --- simulate ----------------------------------------------------------------------------------
-
-
-def test_simulate_sums_up_and_goes_on(run: Run) -> None:
-    wanted = ("--bins", 32, "--particles", 1000, "--max-images", 3, "--jobs", 1, "--output", "out")
-    outcome = run("simulate", "--seeds", 2, *wanted)
-    assert outcome.code == 0
-    assert "converged within 10 images: 2 of 2 drives (100 %, 95 % interval 34 to 100 %)" in (
-        outcome.out
-    )
-    first = Path("out/seed_0.json").read_bytes()
-    outcome = run("simulate", "--seeds", "0..2", *wanted)
-    assert outcome.code == 0 and "3 of 3 drives" in outcome.out
-    assert Path("out/seed_0.json").read_bytes() == first
-    assert json.loads(Path("out/metrics.json").read_text())["drives"] == 3
-    assert Path("out/figures/drives.png").is_file()
-    refused(run("simulate", "--seeds", 2, *wanted, "--temperature", "0.9"), "another temperature")
-
-
-def test_simulate_goes_on_with_the_same_table_only(
-    run: Run, small_table: LikelihoodTable, small_dense_table: DenseTable
-) -> None:
-    wanted = ("simulate", "--seeds", 1, "--max-images", 1, "--no-figures", "--output", "out")
-    small_dense_table.save("table.npz")
-    assert run(*wanted, "--table", "table.npz").code == 0
-    record = json.loads(Path("out/run.json").read_text())
-    assert record["table"]["learned_from"] == small_dense_table.learned_from
-    assert run(*wanted, "--table", "table.npz").code == 0
-    refused(run(*wanted), "out: holds drives with another table, expected a new folder")
-    small_table.save("table.npz")  # another one by the same name
-    refused(run(*wanted, "--table", "table.npz"), "another table")
-    refused(run(*wanted, "--table", "nothere.npz"), "nothere.npz: No such file")
-
-
-def test_interrupted_simulate_counts_the_drives_that_are_kept(
-    run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A drive may be done, its file written, and not handed on yet."""
-
-    def drives(seeds: range, folder: Path, *_: object, **__: object) -> Iterator[None]:
-        (folder / "seed_0.json").touch()
-        try:
-            yield None
-        finally:  # what another process had at hand when it was stopped
-            (folder / "seed_2.json").touch()
-
-    def stop(_: Bars, stage: str, done: int, total: int) -> None:
-        if stage == "drives" and done == 1:
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(seeds, "replay_seeds", drives)
-    monkeypatch.setattr(Bars, "__call__", stop)
-    outcome = run("simulate", "--seeds", 4, "--bins", 32, "--output", "out")
-    assert outcome.code == 130
-    assert "interrupted: 2 of 4 drives are kept in out; " in outcome.err
-
-
-def test_simulate_takes_no_foreign_folder(run: Run) -> None:
-    Path("out").mkdir()
-    Path("out/precious").touch()
-    refused(run("simulate", "--output", "out"), "out: holds something already")
-
-
-@pytest.mark.parametrize("seeds", ["0", "5..3", "-1..3", "many", "1..2..3"])
-def test_simulate_refuses_seeds_that_are_none(run: Run, seeds: str) -> None:
-    outcome = run("simulate", f"--seeds={seeds}")
-    assert outcome.code == 2 and "expected a number or A..B" in outcome.err
 
 
 # --- relpose -----------------------------------------------------------------------------------

@@ -20,7 +20,8 @@ from pflut.relpose.estimate import estimate_relative_pose
 from pflut.replay import ReplayOptions, ReplayResult, prepare_dataset, replay_dataset
 from pflut.replay.each import localize_each
 from pflut.replay.figures import draw_figures
-from pflut.replay.pipeline import make_extractor, make_motion
+from pflut.replay.filters import make_motion
+from pflut.replay.pipeline import make_extractor
 
 OPTIONS = ReplayOptions(num_particles=2000)
 

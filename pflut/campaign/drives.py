@@ -52,7 +52,8 @@ class Campaign:
     Raises
     ------
     ValueError
-        If the world does not have a scenario, or there is no such filter.
+        If the world does not have a scenario, there is no such filter, or the exposure is none
+        that the world has.
     """
 
     world: str = "landmarks"
@@ -69,6 +70,8 @@ class Campaign:
         for name in self.filters:
             if name not in FILTERS:
                 raise ValueError(f"filter: expected one of {', '.join(FILTERS)}, got {name!r}")
+        if not 0.0 <= self.motion_blur < 1.0:
+            raise ValueError(f"motion_blur: expected seconds in [0, 1), got {self.motion_blur}")
         if self.motion_blur and self.world != "rendered":
             raise ValueError("motion_blur: expected rendered homes with it, landmarks do not blur")
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from pflut.campaign.outcome import DriveOutcome
 from pflut.campaign.summary import calibration_curve
@@ -13,6 +15,7 @@ from pflut.plot.style import CYCLE, GREY, new_figure, tidy
 
 Group = Mapping[str, Sequence[DriveOutcome]]
 """Drives by a name: of a filter, or of a campaign."""
+FEWEST = 10  # images of a class whose share is drawn
 
 
 def convergence_figure(group: Group, *, scenario: str) -> Figure:
@@ -31,32 +34,38 @@ def convergence_figure(group: Group, *, scenario: str) -> Figure:
     """
     carried = any(o.kidnapped_at is not None for some in group.values() for o in some)
     figure = new_figure(9.0 if carried else 5.4, 3.8)
-    panels = [("images from the start", [o.converged_at for some in group.values() for o in some])]
     axes = figure.subplots(1, 2 if carried else 1, sharey=True, squeeze=False)[0]
+    converged = {name: [o.converged_at for o in some] for name, some in group.items()}
+    _draw_shares(axes[0], converged, "images from the start")
     if carried:
-        panels.append(("images after the robot was carried away", []))
-    for panel, (label, _) in zip(axes, panels, strict=True):
-        for color, (name, some) in zip(CYCLE * len(group), group.items(), strict=False):
-            late = panel is not axes[0]
-            found = [o.recovered_at if late else o.converged_at for o in some]
-            total = sum(o.kidnapped_at is not None for o in some) if late else len(some)
-            _draw_shares(panel, found, total, name, color)
-        panel.set(xlabel=label, ylim=(0.0, 1.02), xlim=(0.0, None))
-        tidy(panel)
+        recovered = {
+            name: [o.recovered_at for o in some if o.kidnapped_at is not None]
+            for name, some in group.items()
+        }
+        _draw_shares(axes[1], recovered, "images after the robot was carried away")
     axes[0].set_ylabel("share of drives localized from there on")
-    axes[0].legend(frameon=False, fontsize=9, loc="lower right")
+    _legend_below(figure, axes[0])
     figure.suptitle(f"{scenario}: {max(map(len, group.values()))} drives")
     return figure
 
 
-def _draw_shares(panel, found: Sequence[int | None], total: int, name: str, color: str) -> None:  # type: ignore[no-untyped-def]
-    """Draw the distribution function of the images that it took."""
-    images = np.sort([index + 1 for index in found if index is not None])
-    share = np.arange(1, len(images) + 1) / max(total, 1)
-    end = max(20.0, 1.05 * float(images.max(initial=1)))
-    x = np.concatenate([[0.0], images, [end]])
-    y = np.concatenate([[0.0], share, share[-1:] if len(share) else [0.0]])
-    panel.step(x, y, where="post", color=color, linewidth=1.4, label=name)
+def _draw_shares(panel: Axes, group: Mapping[str, Sequence[int | None]], label: str) -> None:
+    """Draw the distribution functions of the images that it took, None where it never came."""
+    taken = {
+        name: np.sort([index + 1 for index in found if index is not None])
+        for name, found in group.items()
+    }
+    end = max(20.0, *(1.05 * float(images.max(initial=1)) for images in taken.values()))
+    # narrower and narrower, so that curves that coincide are all seen
+    widths = np.linspace(1.4 + 0.8 * min(len(taken) - 1, 3), 1.4, len(taken))
+    styles = zip(CYCLE * len(taken), widths, taken.items(), strict=False)
+    for color, width, (name, images) in styles:
+        share = np.arange(len(images) + 1) / max(len(group[name]), 1)
+        x, y = [0.0, *images, end], [*share, share[-1]]
+        panel.step(x, y, where="post", color=color, linewidth=width, label=name)
+    panel.set(xlabel=label, ylim=(-0.03, 1.03), xlim=(0.0, end))
+    panel.xaxis.set_major_locator(MaxNLocator(integer=True))
+    tidy(panel)
 
 
 def errors_figure(group: Mapping[tuple[str, str], Sequence[DriveOutcome]]) -> Figure:
@@ -73,7 +82,7 @@ def errors_figure(group: Mapping[tuple[str, str], Sequence[DriveOutcome]]) -> Fi
     """
     scenarios = list(dict.fromkeys(scenario for scenario, _ in group))
     names = list(dict.fromkeys(name for _, name in group))
-    figure = new_figure(2.5 + 1.1 * len(scenarios), 8.0)
+    figure = new_figure(max(6.0, 2.5 + 1.1 * len(scenarios)), 8.0)
     rows = figure.subplots(3, 1, sharex=True)
     width = 0.8 / len(names)
     for k, (color, name) in enumerate(zip(CYCLE * len(names), names, strict=False)):
@@ -83,7 +92,7 @@ def errors_figure(group: Mapping[tuple[str, str], Sequence[DriveOutcome]]) -> Fi
                 continue
             x = at + width * (k + 0.5) - 0.4
             share = np.mean([bool(o.localized[-1]) for o in some])
-            rows[0].bar(x, share, 0.9 * width, color=color, label=name if at == 0 else None)
+            rows[0].bar(x, share, 0.9 * width, color=color, label=name)
             done = [o for o in some if o.localized.any()]
             for panel, field in ((rows[1], "position_m"), (rows[2], "heading_deg")):
                 medians = [
@@ -100,20 +109,32 @@ def errors_figure(group: Mapping[tuple[str, str], Sequence[DriveOutcome]]) -> Fi
     for panel in rows:
         tidy(panel)
         panel.set_xlim(-0.5, len(scenarios) - 0.5)
-    figure.legend(*_unique(rows[0]), loc="outside lower center", ncols=4, frameon=False, fontsize=9)
-    figure.suptitle("median errors of localized drives: median, and the middle 80 % of drives")
+    _legend_below(figure, rows[0])
+    figure.suptitle(
+        "drives' median errors once localized:\ntheir median, and the middle 80 % of them"
+    )
     return figure
 
 
-def _unique(panel) -> tuple[list, list]:  # type: ignore[no-untyped-def,type-arg]
-    """Give one handle a label, also of those that the first scenario lacks."""
+def _legend_below(figure: Figure, panel: Axes) -> None:
+    """Explain a panel's colors below all panels, each once, in as many columns as there is room."""
     handles, labels = panel.get_legend_handles_labels()
     by_label = dict(zip(labels, handles, strict=True))
-    return list(by_label.values()), list(by_label)
+    columns = int(12.0 * figure.get_figwidth() / (max(map(len, by_label)) + 7))
+    figure.legend(
+        by_label.values(),
+        by_label,
+        loc="outside lower center",
+        ncols=max(columns, 1),
+        frameon=False,
+        fontsize=9,
+    )
 
 
 def confidence_figure(group: Group, *, title: str | None = None) -> Figure:
     """Draw the calibration curve of the confidences: predicted against observed.
+
+    Classes of fewer than ten images are left out.
 
     Parameters
     ----------
@@ -128,22 +149,24 @@ def confidence_figure(group: Group, *, title: str | None = None) -> Figure:
     axes = figure.add_subplot()
     axes.plot([0, 100], [0, 100], color=GREY, linewidth=0.8)
     for color, (name, some) in zip(CYCLE * len(group), group.items(), strict=False):
-        curve = calibration_curve(some)
+        curve = [part for part in calibration_curve(some) if part.count >= FEWEST]
         x = 100.0 * np.array([part.predicted for part in curve])
         y = 100.0 * np.array([part.observed for part in curve])
         low = y - 100.0 * np.array([part.low for part in curve])
         high = 100.0 * np.array([part.high for part in curve]) - y
         spread = np.maximum([low, high], 0.0)
-        axes.errorbar(x, y, spread, color=color, marker="o", markersize=4, lw=1.2, label=name)
+        axes.errorbar(
+            *(x, y, spread), color=color, marker="o", markersize=4, lw=1.2, label=name, zorder=3
+        )
     axes.set(
-        xlim=(0, 100),
-        ylim=(0, 102),
+        xlim=(-2, 102),
+        ylim=(-2, 102),
         aspect="equal",
         xlabel="confidence [%]",
         ylabel="estimates within 0.5 m and 10 degrees [%]",
     )
     tidy(axes)
-    axes.legend(frameon=False, fontsize=9, loc="upper left")
+    _legend_below(figure, axes)
     if title:
         axes.set_title(title)
     return figure

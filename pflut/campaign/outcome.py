@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +12,8 @@ from numpy.typing import NDArray
 from pflut._files import read_json, write_json
 from pflut.evaluation import CONVERGED_HEADING, CONVERGED_POSITION, convergence_index
 from pflut.geometry import FloatArray
+
+_LISTS = ("position_m", "heading_deg", "confidence", "seconds", "num_particles")
 
 
 @dataclass(frozen=True)
@@ -105,10 +105,19 @@ class DriveOutcome:
         """
         content = read_json(path)
         names = {item.name for item in fields(cls)}
-        if not isinstance(content, Mapping) or set(content) != names:
+        if set(content) != names:
             raise ValueError(f"{path}: expected a drive's outcome with {', '.join(sorted(names))}")
-        made: Any = cls(**content)
-        lists = [made.heading_deg, made.confidence, made.seconds, made.num_particles]
-        if any(len(values) != len(made) for values in lists):
+        made = cls(**content)
+        whole = [made.seed, made.home_seed, made.degenerate]
+        if made.kidnapped_at is not None:
+            whole.append(made.kidnapped_at)
+        if not all(type(value) is int and value >= 0 for value in whole):
+            raise ValueError(f"{path}: expected whole numbers as seeds and counts")
+        if {type(made.scenario), type(made.filter)} != {str}:
+            raise ValueError(f"{path}: expected names of a scenario and a filter")
+        lists = [getattr(made, name) for name in _LISTS]
+        if not all(isinstance(some, list) and some and len(some) == len(made) for some in lists):
             raise ValueError(f"{path}: expected lists of one length, an entry an image")
-        return made  # type: ignore[no-any-return]
+        if not all(type(value) in (int, float) for some in lists for value in some):
+            raise ValueError(f"{path}: expected lists of numbers")
+        return made

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 from pflut.cli.arguments import Subparsers, add_verb, positive
@@ -51,10 +52,12 @@ def run(arguments: argparse.Namespace) -> None:
 
     if arguments.figure is not None:
         check_figure_path(arguments.figure)
+    folders = list(dict.fromkeys(arguments.runs))
     found = {}
-    for folder in dict.fromkeys(arguments.runs):
+    for folder in folders:
         for (scenario, name), some in groups(read_campaign(folder)).items():
-            found[scenario, name, folder.name] = some
+            found[scenario, name, str(folder)] = some
+    _same_drives(folders)
     # the drives that all runs of a scenario have
     shared = {
         scenario: set.intersection(
@@ -69,13 +72,15 @@ def run(arguments: argparse.Namespace) -> None:
     }
     if not kept:
         raise ValueError("runs: no drive is in all of them, expected seeds in common")
+    for scenario in (name for name, seeds in shared.items() if not seeds):
+        print(f"{scenario}: left out, no drive is in all runs")
     summaries = [
         summarize_outcomes(
             some, within=arguments.within, recovered_within=arguments.recovered_within
         )
         for some in kept.values()
     ]
-    several = len(set(arguments.runs)) > 1
+    several = len(folders) > 1
     print_table(summaries, [run for _, _, run in kept] if several else ())
     if arguments.figure is not None:
         named = {
@@ -84,3 +89,16 @@ def run(arguments: argparse.Namespace) -> None:
         }
         save_figure(errors_figure(named), arguments.figure)
         print(f"figure: {arguments.figure}")
+
+
+def _same_drives(folders: Sequence[Path]) -> None:
+    """Refuse runs whose seeds are other drives: what differed would not be the filters."""
+    from pflut._files import read_json
+
+    settings = [read_json(folder / "settings.json") for folder in folders]
+    for folder, other in zip(folders, settings, strict=True):
+        for name in ("world", "home_seed", "motion_blur", "max_images"):
+            if other.get(name) != settings[0].get(name):
+                raise ValueError(
+                    f"{folder}: drives with another {name} than in {folders[0]}, expected the same"
+                )

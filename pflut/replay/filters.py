@@ -11,10 +11,17 @@ from pflut.localization.particle_filter import ParticleFilter
 from pflut.localization.proposals import PoseProposal, ReferenceProposal, UniformProposal
 from pflut.localization.recovery import Recovery
 from pflut.localization.reference_image_model import ReferenceImageModel
-from pflut.localization.resampling_policy import EffectiveSizeBelow, EveryUpdates, Moved
+from pflut.localization.resampling_policy import (
+    EffectiveSizeBelow,
+    EveryUpdates,
+    Moved,
+    ResamplingPolicy,
+)
 from pflut.localization.sample_size import KLDSampling
 from pflut.localization.sensor_model import SensorModel
 from pflut.replay.options import ReplayOptions
+
+_NEVER = 1e9  # metres or radians
 
 
 def make_motion(options: ReplayOptions) -> DifferentialDrive | Omnidirectional:
@@ -76,19 +83,26 @@ def make_filter(
             max_particles=options.num_particles,
             error=options.kld_error,
         )
-    few = EffectiveSizeBelow(options.ess_threshold)
-    moved = Moved(options.resample_distance, options.resample_angle)
     return ParticleFilter(
         make_motion(options),
         sensor,
         num_particles=size,
         resampling=options.resampling,
-        resample_when=few & EveryUpdates(options.resample_interval) & moved,
+        resample_when=_resample_when(options),
         min_effective_share=options.min_effective_share,
         hypothesis_temperature=options.hypothesis_temperature,
         recovery=_recovery(proposing or sensor, options, bounds),
         rng=options.seed,
     )
+
+
+def _resample_when(options: ReplayOptions) -> ResamplingPolicy:
+    policy = EffectiveSizeBelow(options.ess_threshold) & EveryUpdates(options.resample_interval)
+    limits = (options.resample_distance, options.resample_angle)
+    if any(limits):
+        # 0 turns one off: it would be reached at once, and the other one never asked
+        policy &= Moved(*(limit or _NEVER for limit in limits))
+    return policy
 
 
 def _recovery(sensor: SensorModel, options: ReplayOptions, bounds: Bounds) -> Recovery | None:

@@ -32,8 +32,8 @@ class ReplayOptions:
     num_particles: int = _option(5000, "particles", "filter", "[1, inf)", flag="particles")
     min_particles: int | None = _option(
         None,
-        "take as many particles as the posterior needs, so many at least and --particles at most "
-        "(KLD sampling; default: always --particles)",
+        "take as many particles as the posterior needs (KLD sampling), so many at least and "
+        "--particles at most (default: always --particles)",
         "filter",
         "[1, inf)",
         type=int,
@@ -75,9 +75,11 @@ class ReplayOptions:
         1, "and not before so many images since the last time", "filter", "[1, inf)"
     )
     resample_distance: float = _option(
-        0.0, "nor before so many metres since then", "filter", "[0, inf)"
+        0.0, "nor before so many metres since then; 0 is off", "filter", "[0, inf)"
     )
-    resample_angle: float = _option(0.0, "or so large a turn", "filter", "[0, inf)", angle=True)
+    resample_angle: float = _option(
+        0.0, "or so large a turn; 0 is off", "filter", "[0, inf)", angle=True
+    )
     min_effective_share: float = _option(
         0.1, "an image is flattened until so many effective particles are left", "filter", "[0, 1)"
     )
