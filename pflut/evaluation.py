@@ -88,6 +88,12 @@ class TrajectoryErrors:
         """The step from which on the errors stay below 0.5 m and 10 degrees, if any."""
         return convergence_index(self.position, self.heading)
 
+    @property
+    def good(self) -> NDArray[np.bool_]:
+        """Which steps are below 0.5 m and 10 degrees."""
+        near = self.position < CONVERGED_POSITION
+        return np.asarray(near & (np.abs(self.heading) < CONVERGED_HEADING))
+
     def within(self, position: float, heading: float) -> NDArray[np.bool_]:
         """Say which steps are within a distance (metres) and an angle (radians) of the truth."""
         return np.asarray((self.position <= position) & (np.abs(self.heading) <= heading))

@@ -30,6 +30,8 @@ def outcome(good: str, *, kidnapped_at: int | None = None, **changes: Any) -> Dr
         position_m=[GOOD if image == "x" else BAD for image in good],
         heading_deg=[-2.0] * len(good),
         confidence=[1.0 if image == "x" else 0.25 for image in good],
+        hypotheses=[2] * len(good),
+        held=[1] * len(good),
         seconds=[0.004] * len(good),
         num_particles=[100] * len(good),
         degenerate=1,

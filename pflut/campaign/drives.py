@@ -21,10 +21,15 @@ from pflut.campaign.course import Course, check_scenario, landmark_course, rende
 from pflut.campaign.filters import FILTERS, make_named_filter
 from pflut.campaign.outcome import DriveOutcome
 from pflut.evaluation import trajectory_errors
-from pflut.localization.localizer import Localizer
+from pflut.geometry import FloatArray
+from pflut.localization.localizer import Filter, Localizer, Step
+from pflut.localization.particle_filter import ParticleFilter
 from pflut.replay.options import ReplayOptions
 from pflut.replay.tables import choose_table, table_record
 
+MAX_HYPOTHESES = 8
+LEAST_WEIGHT = 0.005
+"""Of a hypothesis."""
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -130,7 +135,10 @@ def run_drive(
     kidnapped_at = course.kidnapped_at
     if kidnapped_at is not None and kidnapped_at >= len(indices):
         kidnapped_at = None
-    steps = Localizer(course.drive, pf, observations=course.observations, indices=indices).run()
+    steps, places = [], []
+    for step in Localizer(course.drive, pf, observations=course.observations, indices=indices):
+        steps.append(step)
+        places.append(_places(pf, step))
     truth = np.array([step.ground_truth for step in steps])
     errors = trajectory_errors([step.estimate.pose for step in steps], truth)
     taken = [sum(step.timings[part] for part in ("predict", "update")) for step in steps]
@@ -143,10 +151,24 @@ def run_drive(
         position_m=[round(float(value), 6) for value in errors.position],
         heading_deg=[round(float(value), 6) for value in np.degrees(errors.heading)],
         confidence=[round(step.estimate.confidence, 6) for step in steps],
+        hypotheses=[len(some) for some in places],
+        held=[
+            int(trajectory_errors(some, np.tile(pose, (len(some), 1))).good.any())
+            for some, pose in zip(places, truth, strict=True)
+        ],
         seconds=[round(value, 6) for value in taken],
         num_particles=[step.estimate.num_particles for step in steps],
         degenerate=sum(step.estimate.degenerate for step in steps),
     )
+
+
+def _places(pf: Filter, step: Step) -> FloatArray:
+    """Give the poses that a filter thinks possible, (k, 3), the estimate among them."""
+    poses = [step.estimate.pose]
+    if isinstance(pf, ParticleFilter):
+        found = pf.hypotheses(max_count=MAX_HYPOTHESES, min_weight=LEAST_WEIGHT)
+        poses = [hypothesis.pose for hypothesis in found] or poses
+    return np.array(poses)
 
 
 def outcome_file(folder: Path, scenario: str, name: str, seed: int) -> Path:

@@ -13,7 +13,15 @@ from pflut._files import read_json, write_json
 from pflut.evaluation import CONVERGED_HEADING, CONVERGED_POSITION, convergence_index
 from pflut.geometry import FloatArray
 
-_LISTS = ("position_m", "heading_deg", "confidence", "seconds", "num_particles")
+_LISTS = (
+    "position_m",
+    "heading_deg",
+    "confidence",
+    "hypotheses",
+    "held",
+    "seconds",
+    "num_particles",
+)
 
 
 @dataclass(frozen=True)
@@ -31,6 +39,10 @@ class DriveOutcome:
         Errors of the estimates, an image each; headings with their sign.
     confidence : list of float
         In [0, 1].
+    hypotheses : list of int
+        How many places the filter thinks possible; 1 for filters that have but one.
+    held : list of int
+        1 where one of them is within 0.5 m and 10 degrees of the truth.
     seconds : list of float
         Of each image: prediction, matching, likelihood and filter.
     num_particles : list of int
@@ -46,6 +58,8 @@ class DriveOutcome:
     position_m: list[float]
     heading_deg: list[float]
     confidence: list[float]
+    hypotheses: list[int]
+    held: list[int]
     seconds: list[float]
     num_particles: list[int]
     degenerate: int

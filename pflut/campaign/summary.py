@@ -95,7 +95,8 @@ def summarize_outcomes(
     dict
         Rates with Wilson intervals; images until convergence and recovery; the drives' median
         errors on the images after it, their median with a bootstrap interval; the share of images
-        that are sure (confidence above 0.9) and wrong, with an interval by bootstrap over drives;
+        that are sure (confidence above 0.9) and wrong, and of those that hold the truth among their
+        hypotheses, with intervals by bootstrap over drives;
         milliseconds an image, without features.
     """
     ordered = sorted(outcomes, key=lambda outcome: outcome.seed)
@@ -130,6 +131,7 @@ def summarize_outcomes(
         }
     sure = [np.array(outcome.confidence) > SURE for outcome in ordered]
     wrong = [int((s & ~o.good).sum()) for s, o in zip(sure, ordered, strict=True)]
+    summary["held"] = _share([sum(o.held) for o in ordered], list(map(len, ordered)))
     summary["sure"] = sum(map(np.count_nonzero, sure)) / summary["images"]
     summary["sure_and_wrong"] = _share(wrong, list(map(len, ordered)))
     milliseconds = 1e3 * np.concatenate([outcome.seconds for outcome in ordered])
