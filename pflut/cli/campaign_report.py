@@ -82,16 +82,16 @@ def print_table(summaries: Sequence[Mapping[str, Any]], labels: Sequence[str] = 
             f"{summary['scenario']:12}{summary['filter']:12}{summary['drives']:>7}"
             f"{_rate(summary['converged']):>19}{_rate(summary['recovered']):>19}"
             f"{_median(summary['position_m'], 3):>23}{_median(summary['heading_deg'], 2):>21}"
-            f"{100 * summary['held']['share']:>7.1f} %{100 * wrong['share']:>14.2f} %{summary['ms_per_image']:>7.1f}"
-            + (f"  {labels[k]}" if labels else "")
+            f"{100 * summary['held']['share']:>7.1f} %{100 * wrong['share']:>14.2f} %"
+            f"{summary['ms_per_image']:>7.1f}" + (f"  {labels[k]}" if labels else "")
         )
     first = summaries[0]
     print(
         f"converged within {first['within_images']} images and recovered within "
         f"{first['recovered_within_images']}, in % of the drives (95 % interval); errors once "
         "localized: medians of drives, their median (interval);\nheld: images with the truth among "
-        "the hypotheses; sure and wrong: those with a confidence above 0.9 that are not within 0.5 m "
-        "and 10 degrees; ms an image, without features"
+        "the hypotheses; sure and wrong: those with a confidence above 0.9 that are not within "
+        "0.5 m and 10 degrees; ms an image, without features"
     )
 
 
