@@ -6,6 +6,8 @@ import pytest
 from pflut.geometry import circular_mean, wrap_to_pi
 from pflut.localization.motion import DifferentialDrive
 from pflut.localization.particle_filter import ParticleFilter
+from pflut.localization.proposals import UniformProposal
+from pflut.localization.recovery import Recovery
 from pflut.localization.resampling import RESAMPLERS
 from pflut.localization.resampling_policy import EffectiveSizeBelow
 
@@ -397,3 +399,27 @@ def test_an_array_held_on_to_stays_as_it_was():
         pf.step([0.1, 0.0, 0.1], [0.0, 0.0])
     for array, copy in zip(held, copies, strict=True):
         np.testing.assert_array_equal(array, copy)
+
+
+def test_a_sensor_that_fails_leaves_the_filter_as_it_was():
+    class Failing:
+        broken = False
+
+        def log_likelihood(self, poses, observation):
+            if self.broken:
+                raise OSError("no image")
+            return -(poses[:, 0] ** 2)
+
+    recovery = Recovery(proposal=UniformProposal((-1, -1, 1, 1)))
+    pf = standing(sensor=Failing(), recovery=recovery, history=3)
+    pf.step([0.1, 0.0, 0.0], None, stamp=1.0)
+    poses, log_weights = pf.poses, pf.log_weights
+    pf.sensor.broken = True
+    for stamp in (2.0, 1.0):
+        with pytest.raises(OSError, match="no image"):
+            pf.update(None, stamp=stamp)
+        assert pf.poses is poses
+        assert pf.log_weights is log_weights
+        assert pf.stamp == 1.0
+    pf.sensor.broken = False
+    assert len(pf.poses) == pf.update(None, stamp=2.0).num_particles == 100

@@ -13,7 +13,6 @@ from pflut.localization.estimate import METHODS, Estimate, mass_near, summarize
 from pflut.localization.filter_state import FilterState
 from pflut.localization.history import History
 from pflut.localization.hypotheses import Hypothesis, find_hypotheses
-from pflut.localization.hypothesis_weights import temper_hypotheses
 from pflut.localization.initial_poses import Bounds, gaussian_poses, uniform_poses
 from pflut.localization.motion import MotionModel
 from pflut.localization.particles import Particles
@@ -22,8 +21,9 @@ from pflut.localization.resampling import Resampler, get_resampler
 from pflut.localization.resampling_policy import EffectiveSizeBelow, ResamplingPolicy
 from pflut.localization.sample_size import KLDSampling
 from pflut.localization.sensor_model import SensorModel
-from pflut.localization.tempering import tempered
 from pflut.localization.weights import Weights
+
+SMALLEST_SHARE = 1e-300
 
 
 class ParticleFilter:
@@ -181,57 +181,52 @@ class ParticleFilter:
         ValueError
             If the filter is not initialised, or the sensor model answers with another shape.
         """
-        particles = self._particles
+        # a copy: nothing has changed if the sensor model fails
+        particles = self._particles.copy()
         delay = particles.delay(stamp)
         if delay > 0.0:
-            log_likelihood = self._late_log_likelihood(observation, stamp)
-            if log_likelihood is None:
-                self.dropped_updates += 1
-                return replace(self.estimate(), delay=delay, dropped=True)
             proposed, carried_away = 0, 0.0
+            log_likelihood = self._late_log_likelihood(particles, observation, stamp)
         else:
             particles.advance(stamp)
             # the robot may have been carried away: table 8.3, line 13
-            proposed, carried_away = self._propose(observation)
+            proposed, carried_away = self._propose(particles, observation)
             log_likelihood = self._log_likelihood(particles.poses, observation)
+        if log_likelihood is None:
+            self.dropped_updates += 1
+            return replace(self.estimate(), delay=delay, dropped=True)
 
         # importance weights: table 8.2, line 5
-        weights = particles.weights.times(log_likelihood)
+        weights, poses = particles.weights.times(log_likelihood), particles.poses
         log_mean, exponent, share = None, 1.0, 0.0
-        if weights is None:
-            self.degenerate_updates += 1
-        else:
+        if weights is not None:
             share = weights.share_of_last(proposed)
-            log_mean = weights.log_mean + float(np.log(max(1.0 - share, 1e-300)))
-            log_mean -= float(np.log1p(-carried_away))
-            after, exponent = tempered(
-                particles.weights, weights, log_likelihood, self.min_effective_share
+            log_mean = weights.log_mean + _log_share(1.0 - share, 1.0 - carried_away)
+            exponent = particles.weigh(
+                weights, log_likelihood, self.min_effective_share, self.hypothesis_temperature
             )
-            particles.weights = temper_hypotheses(
-                particles.poses, particles.weights, after, self.hypothesis_temperature
-            )
-            self._averages = self._averages_after(log_mean)
-        weighted = particles.poses
         if proposed and (weights is None or particles.share_of_last(proposed) < 1.0 / self._most):
             particles.forget_last(proposed)
+        particles.count_update(weights is not None)
 
-        estimate = self.estimate()
+        # estimate before resampling; however little an image may count, it may say "not here"
+        estimate = summarize(particles.poses, particles.weights, method=self.estimate_method)
         if weights is not None and weights is not particles.weights:
-            # however little an image may count, it may say that the robot is not there
-            said = mass_near(weighted, weights.linear, estimate.pose)
+            said = mass_near(poses, weights.linear, estimate.pose)
             estimate = replace(estimate, confidence=min(estimate.confidence, said))
 
         # resample when too few particles carry the weight: table 8.2, lines 8 to 11
-        particles.count_update(weights is not None)
-        resampled = self._wrong_size() or (
+        resampled = self._wrong_size(len(particles)) or (
             weights is not None and self.resample_when(particles.since)
         )
         if resampled:
-            weight = particles.weights.linear
-            particles.select(self._resample(weight, self._wanted(), self.rng))
+            self._select(particles)
 
+        self._started = particles
+        self.degenerate_updates += weights is None
+        self._averages = self._averages_after(log_mean)
         return replace(
-            estimate,
+            self._counted(estimate),
             log_mean_likelihood=log_mean,
             likelihood_exponent=exponent,
             proposed_share=share,
@@ -274,12 +269,8 @@ class ParticleFilter:
             If the filter is not initialised.
         """
         particles = self._particles
-        estimate = summarize(particles.poses, particles.weights, method=self.estimate_method)
-        return replace(
-            estimate,
-            degenerate_updates=self.degenerate_updates,
-            dropped_updates=self.dropped_updates,
-            stamp=particles.stamp,
+        return self._counted(
+            summarize(particles.poses, particles.weights, method=self.estimate_method)
         )
 
     def hypotheses(self, *, max_count: int = 5, min_weight: float = 0.05) -> list[Hypothesis]:
@@ -423,30 +414,39 @@ class ParticleFilter:
             return self.num_particles.max_particles
         return self.num_particles
 
-    def _wanted(self) -> int:
-        """How many particles there should be."""
-        if isinstance(self.num_particles, KLDSampling):
-            return self.num_particles.sample_size(self.poses, self.weights)
-        return self.num_particles
-
-    def _wrong_size(self) -> bool:
+    def _wrong_size(self, size: int) -> bool:
         """Whether there are more or fewer particles than there may be."""
-        size = len(self._particles)
         return size > self._most or (size < self._most and self.num_particles == self._most)
 
-    def _propose(self, observation: Any) -> tuple[int, float]:
+    def _select(self, particles: Particles) -> None:
+        """Resample to as many particles as there should be."""
+        weights, count = particles.weights.linear, self._most
+        if isinstance(self.num_particles, KLDSampling):
+            count = self.num_particles.sample_size(particles.poses, weights)
+        particles.select(self._resample(weights, count, self.rng))
+
+    def _propose(self, particles: Particles, observation: Any) -> tuple[int, float]:
         """Append proposals; give how many, and the probability that they stand for."""
         if self.recovery is None:
             return 0, 0.0
         poses, log_weights, probability = self.recovery.propose(
             observation, self._most, self._averages, self.rng
         )
-        self._particles.append(poses, log_weights, probability)
+        particles.append(poses, log_weights, probability)
         return len(poses), probability
 
-    def _averages_after(self, log_mean: float) -> LikelihoodAverages:
+    def _counted(self, estimate: Estimate) -> Estimate:
+        """Say in an estimate when it is, and what was ignored so far."""
+        return replace(
+            estimate,
+            degenerate_updates=self.degenerate_updates,
+            dropped_updates=self.dropped_updates,
+            stamp=self.stamp,
+        )
+
+    def _averages_after(self, log_mean: float | None) -> LikelihoodAverages:
         """Take an image into the averages that recovery looks at."""
-        if self.recovery is None:
+        if self.recovery is None or log_mean is None:
             return self._averages
         return self._averages.after(log_mean, self.recovery.alpha_slow, self.recovery.alpha_fast)
 
@@ -460,20 +460,25 @@ class ParticleFilter:
             )
         return log_likelihood
 
-    def _late_log_likelihood(self, observation: Any, stamp: float | None) -> FloatArray | None:
+    def _late_log_likelihood(
+        self, particles: Particles, observation: Any, stamp: float | None
+    ) -> FloatArray | None:
         """Weigh the particles by where they were at some time; None if that is forgotten.
 
         Particles that were not there yet are worth the mean of the others.
         """
-        then = None if stamp is None else self._particles.history.at(stamp)
-        if then is None:
-            return None
-        there = np.isfinite(then).all(axis=1)
-        if not there.any():
+        then = None if stamp is None else particles.history.at(stamp)
+        there = np.zeros(0, bool) if then is None else np.isfinite(then).all(axis=1)
+        if then is None or not there.any():
             return None
         log_likelihood = np.empty(len(then))
         log_likelihood[there] = self._log_likelihood(then[there], observation)
         if not there.all():
-            others = Weights.from_log(self.log_weights[there]).times(log_likelihood[there])
+            others = Weights.from_log(particles.weights.log[there]).times(log_likelihood[there])
             log_likelihood[~there] = np.nan if others is None else others.log_mean
         return log_likelihood
+
+
+def _log_share(share: float, of: float) -> float:
+    """Give log(share / of), bounded below: no share is none of a tiny one."""
+    return float(np.log(max(share, SMALLEST_SHARE)) - np.log(of))

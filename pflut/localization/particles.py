@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from pflut.geometry import FloatArray, wrap_to_pi
 from pflut.localization.history import NO_ANCESTOR, History
+from pflut.localization.hypothesis_weights import temper_hypotheses
 from pflut.localization.resampling import take
 from pflut.localization.resampling_policy import SinceResampling
+from pflut.localization.tempering import tempered
 from pflut.localization.weights import Weights
 
 
@@ -64,6 +66,35 @@ class Particles:
         if stamp is None or self.stamp is None:
             return 0.0
         return max(self.stamp - stamp, 0.0)
+
+    def weigh(
+        self,
+        weights: Weights,
+        log_likelihood: FloatArray,
+        min_effective_share: float,
+        hypothesis_temperature: float,
+    ) -> float:
+        """Take new weights, flattened where they are too sharp.
+
+        Parameters
+        ----------
+        weights : Weights
+            By Bayes' rule.
+        log_likelihood : ndarray of shape (N,)
+            That made them of the present ones.
+        min_effective_share : float
+            See `tempering_exponent`.
+        hypothesis_temperature : float
+            See `temper_hypotheses`.
+
+        Returns
+        -------
+        float
+            The exponent that the likelihood was flattened with.
+        """
+        after, exponent = tempered(self.weights, weights, log_likelihood, min_effective_share)
+        self.weights = temper_hypotheses(self.poses, self.weights, after, hypothesis_temperature)
+        return exponent
 
     def share_of_last(self, count: int) -> float:
         """Give the share of the weight that the last particles have."""
