@@ -69,6 +69,16 @@ def test_weights_count_and_input_is_left_alone() -> None:
     assert len(find_hypotheses(poses, weights, min_weight=0.2)) == 1
 
 
+def test_light_hypotheses_have_the_covariance_of_their_own_particles() -> None:
+    poses = np.concatenate(
+        [around([10.0 * k, 0, 0], n, 0.05, seed=k) for k, n in enumerate((940, 30, 30))]
+    )
+    found = find_hypotheses(poses, np.full(1000, 1e-3), min_weight=0.01)
+    assert len(found) == 3
+    for hypothesis in found:
+        assert np.sqrt(hypothesis.covariance[0, 0]) == pytest.approx(0.05, rel=0.5)
+
+
 @pytest.mark.parametrize(("name", "value"), [("max_count", 0), ("min_weight", 0.0)])
 def test_misuse_names_the_option(name: str, value: float) -> None:
     with pytest.raises(ValueError, match=f"^{name}: expected"):

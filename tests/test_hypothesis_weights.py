@@ -49,6 +49,16 @@ def test_what_fits_badly_everywhere_is_left_to_bayes() -> None:
     np.testing.assert_allclose(flat.linear, after.linear, rtol=1e-9)
 
 
+def test_evidence_too_large_for_numbers() -> None:
+    after, flat = weighed(ENOUGH + 40.0, ENOUGH + 2000.0, 0.05)
+    assert after.linear[FIRST].sum() == 0.0
+    assert flat.linear[FIRST].sum() == pytest.approx(LEAST_SHARE, rel=0.02)
+    ratio = weighed(ENOUGH, ENOUGH + 2000.0, 0.001)[1]
+    assert ratio.linear[FIRST].sum() / ratio.linear[~FIRST].sum() == pytest.approx(
+        1.5 * np.exp(-2.0), rel=1e-6
+    )
+
+
 def test_within_a_place_the_weights_are_those_of_bayes() -> None:
     after, flat = weighed(20.0, 15.0, 0.1)
     for place in (FIRST, ~FIRST):

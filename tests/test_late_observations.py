@@ -11,6 +11,8 @@ from pflut.localization.motion import DifferentialDrive
 from pflut.localization.particle_filter import ParticleFilter
 from pflut.localization.proposals import UniformProposal
 from pflut.localization.recovery import Recovery
+from pflut.localization.resampling_policy import EffectiveSizeBelow
+from pflut.localization.sample_size import KLDSampling
 
 
 def filter_of(n: int = 200, history: int = 4, seed: int = 0, **options) -> ParticleFilter:
@@ -97,7 +99,9 @@ def test_history_is_bounded_and_keeps_the_last_of_one_time() -> None:
     history = History(2)
     for stamp in (1.0, 2.0, 2.0, 3.0):
         history.add(stamp, np.full((1, 3), stamp))
-    assert [moment.stamp for moment in history.moments] == [2.0, 3.0]
+    assert [moment.stamp for moment in history.moments] == [1.0, 2.0, 3.0]
+    history.add(4.0, np.full((1, 3), 4.0))
+    assert [moment.stamp for moment in history.moments] == [2.0, 3.0, 4.0]
     assert History(0).at(1.0) is None
 
 
@@ -108,9 +112,9 @@ def test_what_comes_too_late_is_dropped_counted_and_told(history: int) -> None:
         pf.predict([0.1, 0.0, 0.0], stamp=stamp)
     poses, log_weights = pf.poses, pf.log_weights
     for count in (1, 2):
-        estimate = pf.update([0.3, 0.0], stamp=1.5)
+        estimate = pf.update([0.3, 0.0], stamp=0.5)
         assert estimate.dropped
-        assert estimate.delay == 1.5
+        assert estimate.delay == 2.5
         assert estimate.dropped_updates == pf.dropped_updates == count
         assert estimate.log_mean_likelihood is None
     assert pf.poses is poses
@@ -140,7 +144,7 @@ def test_proposals_have_no_past() -> None:
     pf = filter_of(400, recovery=recovery)
     pf.predict([0.0, 0.0, 0.0], stamp=1.0)
     pf.predict([0.0, 0.0, 0.0], stamp=2.0)
-    pf.update([0.2, 0.2], stamp=2.0)
+    pf.update([0.95, -0.95], stamp=2.0)
     then = pf._particles.history.at(1.0)
     new = np.isnan(then[:, 0])
     assert 0 < new.sum() < len(new)
@@ -178,6 +182,90 @@ def test_images_slower_than_odometry() -> None:
         errors[latency] = np.median(found[5:])
         assert pf.dropped_updates == 0
     assert errors[0.25] < 1.5 * errors[0.0]
+
+
+def test_an_image_ahead_of_odometry_does_not_put_the_clock_on() -> None:
+    pf = filter_of()
+    pf.predict([0.1, 0.0, 0.0], stamp=1.0)
+    assert pf.update([0.1, 0.0], stamp=1.03).delay == 0.0
+    assert pf.stamp == 1.0
+    pf.predict([0.1, 0.0, 0.0], stamp=1.02)
+    # where nobody stamps odometry, images are the clock
+    pf = filter_of()
+    pf.update([0.1, 0.0], stamp=1.0)
+    pf.predict([0.1, 0.0, 0.0])
+    assert pf.update([0.1, 0.0], stamp=2.0).stamp == 2.0
+    assert pf.update([0.1, 0.0], stamp=1.0).delay == 1.0
+
+
+def test_history_of_one_is_the_last_motion_and_the_start_has_a_stamp() -> None:
+    pf = filter_of(history=1)
+    pf.initialize(pf.poses, stamp=0.0)
+    pf.predict([0.1, 0.0, 0.0], stamp=1.0)
+    assert not pf.update([0.05, 0.0], stamp=0.5).dropped
+    pf.predict([0.1, 0.0, 0.0], stamp=2.0)
+    assert not pf.update([0.15, 0.0], stamp=1.5).dropped
+    assert pf.update([0.05, 0.0], stamp=0.5).dropped
+
+
+@pytest.mark.parametrize("stamp", [np.nan, np.inf])
+def test_a_stamp_that_is_none(stamp: float) -> None:
+    pf = filter_of()
+    for call in (
+        lambda: pf.predict([0.1, 0.0, 0.0], stamp=stamp),
+        lambda: pf.update([0.1, 0.0], stamp=stamp),
+        lambda: pf.initialize([0.0, 0.0, 0.0], stamp=stamp),
+    ):
+        with pytest.raises(ValueError, match=r"^stamp: expected finite seconds"):
+            call()
+
+
+def test_recovery_from_late_images() -> None:
+    """All images are late; a robot that was carried away is found, where it is now."""
+    recovery = Recovery(proposal=UniformProposal((-1, -1, 5, 5)), share=0.5)
+    pf = ParticleFilter(
+        DifferentialDrive(position_noise=0.02, heading_noise=0.02),
+        Position([0.1, 0.1]),
+        num_particles=1000,
+        min_effective_share=0.05,
+        recovery=recovery,
+        history=4,
+        rng=0,
+    )
+    pf.initialize_gaussian([0.0, 0.0, 0.0], np.diag([0.01, 0.01, 0.001]))
+    rng = np.random.default_rng(1)
+    x = 0.0
+    for k in range(30):
+        before = x
+        x += 0.02 + 3.0 * (k == 10)  # and is carried 3 m, which odometry does not tell
+        pf.predict([0.02, 0.0, 0.0], stamp=0.1 * k)
+        if k:
+            place = before if k != 10 else x - 0.02
+            estimate = pf.update([place, 0.0] + 0.1 * rng.standard_normal(2), stamp=0.1 * (k - 1))
+    assert estimate.delay == pytest.approx(0.1)
+    assert np.hypot(estimate.pose[0] - x, estimate.pose[1]) < 0.3
+
+
+def test_a_late_image_where_nobody_with_a_past_has_weight_is_ignored() -> None:
+    class Right:
+        def log_likelihood(self, poses, observation):
+            return np.where(poses[:, 0] > 0.5, 0.0, -np.inf)
+
+    pf = ParticleFilter(
+        DifferentialDrive(),
+        Right(),
+        num_particles=KLDSampling(min_particles=100, max_particles=1000),
+        resample_when=EffectiveSizeBelow(0.0),
+        recovery=Recovery(proposal=UniformProposal((-1, -1, 1, 1)), share=0.5),
+        history=3,
+        rng=0,
+    )
+    pf.initialize(np.zeros((400, 3)))
+    pf.predict([0.0, 0.0, 0.0], stamp=1.0)
+    pf.predict([0.0, 0.0, 0.0], stamp=2.0)
+    assert pf.update(None, stamp=2.0).proposed_share == 1.0
+    assert pf.update(None, stamp=1.0).degenerate
+    assert np.isfinite(pf.weights).all()
 
 
 def test_negative_history() -> None:

@@ -252,3 +252,19 @@ def test_names():
     assert get_resampler(resampling.residual) is resampling.residual
     with pytest.raises(ValueError, match=r"expected one of .*'killing'"):
         get_resampler("killing")
+
+
+@pytest.mark.parametrize(
+    "answer", [np.zeros(4, int), np.zeros(5), np.arange(5) + 1, np.arange(5) - 1]
+)
+def test_a_resampler_of_ones_own_is_checked(answer):
+    with pytest.raises(ValueError, match=r"^resampling: expected"):
+        get_resampler(lambda weights, n, rng: answer)(np.ones(5), 5, 0)
+
+
+def test_a_resampler_of_ones_own_gives_int32_of_its_own():
+    answer = np.arange(5)
+    indices = get_resampler(lambda weights, n, rng: answer)(np.ones(5), 5, 0)
+    assert indices.dtype == np.int32
+    answer[:] = 0
+    np.testing.assert_array_equal(indices, np.arange(5))

@@ -24,7 +24,7 @@ def test_leaves_just_enough_effective_particles(share: float) -> None:
     weights = Weights.from_log(0.1 * rng.standard_normal(1000))
     exponent = tempering_exponent(weights, log_likelihood, share)
     assert 0.0 < exponent < 1.0
-    assert size_after(weights, log_likelihood, exponent) >= share * 1000
+    assert size_after(weights, log_likelihood, exponent) >= share * weights.effective_sample_size
     # an exponent larger by a hundredth would leave too few
     assert size_after(weights, log_likelihood, 1.012 * exponent) < share * 1000
 
@@ -104,3 +104,22 @@ def test_the_filter_keeps_particles_and_says_so() -> None:
 def test_share_out_of_range_is_refused() -> None:
     with pytest.raises(ValueError, match="min_effective_share"):
         ParticleFilter(DifferentialDrive(), Sharp(), min_effective_share=1.0)
+
+
+def test_proposals_do_not_count() -> None:
+    """Proposals of hardly any weight must not make every exponent too large."""
+    rng = np.random.default_rng(0)
+    log = np.concatenate([np.zeros(1000), np.full(4000, -20.0)])
+    log_likelihood = np.concatenate([rng.normal(0.0, 3.0, 1000), np.zeros(4000)])
+    alone = tempering_exponent(Weights.uniform(1000), log_likelihood[:1000], 0.5)
+    together = tempering_exponent(Weights.from_log(log), log_likelihood, 0.5, proposed=4000)
+    assert together == pytest.approx(alone, rel=0.02)
+
+
+def test_particles_without_weight_are_not_looked_at() -> None:
+    log = np.where(np.arange(60_000) % 3 == 0, -np.inf, 0.0)
+    weights = Weights.from_log(log)
+    log_likelihood = 50.0 * np.random.default_rng(0).standard_normal(60_000)
+    exponent = tempering_exponent(weights, log_likelihood, 0.1)
+    assert 0.0 < exponent < 1.0
+    assert size_after(weights, log_likelihood, exponent) == pytest.approx(4000, rel=0.2)

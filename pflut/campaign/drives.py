@@ -151,7 +151,7 @@ def run_drive(
         position_m=[round(float(value), 6) for value in errors.position],
         heading_deg=[round(float(value), 6) for value in np.degrees(errors.heading)],
         confidence=[round(step.estimate.confidence, 6) for step in steps],
-        hypotheses=[len(some) for some in places],
+        hypotheses=[max(len(some) - 1, 1) for some in places],
         held=[
             int(trajectory_errors(some, np.tile(pose, (len(some), 1))).good.any())
             for some, pose in zip(places, truth, strict=True)
@@ -167,7 +167,7 @@ def _places(pf: Filter, step: Step) -> FloatArray:
     poses = [step.estimate.pose]
     if isinstance(pf, ParticleFilter):
         found = pf.hypotheses(max_count=MAX_HYPOTHESES, min_weight=LEAST_WEIGHT)
-        poses = [hypothesis.pose for hypothesis in found] or poses
+        poses += [hypothesis.pose for hypothesis in found]
     return np.array(poses)
 
 

@@ -264,8 +264,8 @@ def heaviest_cluster(poses: FloatArray, weights: FloatArray) -> Cluster:
     """Shift a window from the heaviest cell to the mean of what it holds, until it rests.
 
     The window grows to three standard deviations of what it holds, so that a wide cluster is
-    not cut; from one that stands apart it does not reach the others. Where it holds hardly
-    anything the robot is lost: the covariance is then that of all particles around the pose.
+    not cut; from one that stands apart it does not reach the others. It does not grow where it
+    holds less than 5 % of the weight.
 
     Parameters
     ----------
@@ -274,23 +274,19 @@ def heaviest_cluster(poses: FloatArray, weights: FloatArray) -> Cluster:
     weights : ndarray of shape (N,)
         >= 0, not all zero, their sum at most one.
     """
-    center = _heaviest_cell(poses, weights)
+    center, total = _heaviest_cell(poses, weights), float(weights.sum())
     radius, angle = WINDOW_RADIUS, WINDOW_ANGLE
     for _ in range(MAX_PASSES):
         share, mean, covariance = _window(poses, weights, center, radius, angle)
         rests = float(np.abs(mean - center).max()) < 1e-3
         center = mean
-        if share >= SMALLEST_CLUSTER:
+        if share >= SMALLEST_CLUSTER * total:
             held = 3.0 * np.sqrt(covariance.diagonal())
             wanted_radius, wanted_angle = float(max(held[0], held[1])), min(float(held[2]), np.pi)
             rests = rests and wanted_radius <= 1.05 * radius and wanted_angle <= 1.05 * angle
             radius, angle = max(radius, wanted_radius), max(angle, wanted_angle)
         if rests:
             break
-    if share < SMALLEST_CLUSTER:
-        _, mean_of_all, covariance = _window(poses, weights, mean, np.inf, np.inf)
-        offset = mean_of_all - mean
-        covariance = covariance + offset[:, None] * offset
     return Cluster(share, mean, covariance, radius, angle)
 
 
@@ -332,6 +328,10 @@ def summarize(poses: FloatArray, weights: Weights, *, method: str = "cluster") -
     """
     if method == "cluster":
         share, pose, covariance, _, _ = heaviest_cluster(poses, weights.linear)
+        if share < SMALLEST_CLUSTER:  # lost: it may be anywhere
+            _, mean, covariance = _window(poses, weights.linear, pose, np.inf, np.inf)
+            offset = mean - pose
+            covariance = covariance + offset[:, None] * offset
     elif method == "mean":
         pose = np.empty(3)
         _mean(poses, weights.linear, pose)

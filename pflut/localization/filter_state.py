@@ -79,7 +79,7 @@ class FilterState:
             "summary": np.array([weights.effective_sample_size, weights.log_mean]),
             "since": np.array(astuple(particles.since), np.float64),
             "averages": np.array(self.averages, np.float64),
-            "stamp": np.array(stamp, np.float64),
+            "stamp": np.array([stamp, particles.clocked], np.float64),
             "counts": np.array([self.degenerate_updates, self.dropped_updates], np.int64),
             **_history_arrays(particles),
         }
@@ -119,14 +119,15 @@ class FilterState:
             raise ValueError(f"{path}: checksum does not match, the file is damaged")
         effective, mean = stored["summary"].tolist()
         share, updates, *way = stored["since"].tolist()
-        stamp = float(stored["stamp"])
+        stamp, clocked = stored["stamp"].tolist()
         moments = _moments(stored)
         particles = Particles(
             as_poses(stored["poses"]),
             Weights(stored["log_weights"], stored["weights"], effective, mean),
-            History(len(moments), moments),
+            History(max(len(moments) - 1, 0), moments),
             SinceResampling(share, int(updates), *way),
             None if np.isnan(stamp) else stamp,
+            bool(clocked),
         )
         averages = LikelihoodAverages(*stored["averages"].tolist())
         generator = _as_arrays(json.loads(described))

@@ -60,7 +60,7 @@ class History:
     Parameters
     ----------
     length : int
-        How many are kept; each takes 28 bytes a particle.
+        How many are kept, besides the present one; each takes 28 bytes a particle.
     moments : sequence of Moment
         In the order of time.
 
@@ -88,7 +88,7 @@ class History:
         """
         if self.length:
             before = tuple(moment for moment in self.moments if moment.stamp < stamp)
-            self.moments = (*before, Moment(stamp, poses))[-self.length :]
+            self.moments = (*before, Moment(stamp, poses))[-self.length - 1 :]
 
     def resample(self, indices: NDArray[np.int32]) -> None:
         """Follow the particles through a resampling, see `Moment.resampled`."""

@@ -83,16 +83,24 @@ def temper_hypotheses(
             break
         cluster = heaviest_cluster(poses, left)
     owners[owners < 0] = number
-    prior = np.bincount(owners, before.linear, minlength=number + 1)
-    posterior = np.bincount(owners, after.linear, minlength=number + 1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        evidence = np.log(posterior) - np.log(prior) + after.log_mean
+    prior, posterior = (_log_sums(weights.log, owners, number + 1) for weights in (before, after))
     # a cluster without weight stays without
-    excess = np.where(posterior > 0.0, np.maximum(evidence - ENOUGH, 0.0), 0.0)
-    flat = posterior * np.exp((temperature - 1.0) * (excess - excess.max()))
-    flat /= flat.sum()
-    fits = (excess > 0.0) & (np.arange(number + 1) < number)
-    flat[fits] = np.maximum(flat[fits], LEAST_SHARE)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        factor = np.where(posterior > 0.0, np.log(flat) - np.log(posterior), 0.0)
+    there = posterior > -np.inf
+    evidence = np.where(there, posterior, 0.0) - np.where(there, prior, 0.0) + after.log_mean
+    excess = np.where(there, np.maximum(evidence - ENOUGH, 0.0), 0.0)
+    flat = posterior + (temperature - 1.0) * excess
+    flat -= np.logaddexp.reduce(flat)
+    fits = there & (excess > 0.0) & (np.arange(number + 1) < number)
+    flat[fits] = np.maximum(flat[fits], np.log(LEAST_SHARE))
+    factor = np.where(there, flat, 0.0) - np.where(there, posterior, 0.0)
     return Weights.from_log(after.log + factor[owners])
+
+
+def _log_sums(log: FloatArray, owners: NDArray[np.int64], count: int) -> FloatArray:
+    """Give the logarithm of each cluster's weight, which may be far too small for a number."""
+    highest = np.full(count, -np.inf)
+    np.maximum.at(highest, owners, log)
+    base = np.where(highest > -np.inf, highest, 0.0)
+    sums = np.bincount(owners, np.exp(log - base[owners]), minlength=count)
+    with np.errstate(divide="ignore"):
+        return np.asarray(base + np.log(sums))

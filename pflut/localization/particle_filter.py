@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pflut.geometry import FloatArray, as_poses, wrap_to_pi
+from pflut.geometry import FloatArray, as_poses, compose, relative_pose, wrap_to_pi
 from pflut.localization.estimate import METHODS, Estimate, mass_near, summarize
 from pflut.localization.filter_state import FilterState
 from pflut.localization.history import History
@@ -22,8 +22,6 @@ from pflut.localization.resampling_policy import EffectiveSizeBelow, ResamplingP
 from pflut.localization.sample_size import KLDSampling
 from pflut.localization.sensor_model import SensorModel
 from pflut.localization.weights import Weights
-
-SMALLEST_SHARE = 1e-300
 
 
 class ParticleFilter:
@@ -46,19 +44,20 @@ class ParticleFilter:
         that are too many or too few are resampled anyway.
     min_effective_share : float
         In [0, 1): an observation that would leave fewer effective particles than this share of
-        them is flattened by an exponent until it leaves as many (`tempering_exponent`). 0 never
-        does, which is Bayes' rule; 0.1 keeps a few thousand particles alive under likelihoods
+        those before is flattened by an exponent until it leaves as many (`tempering_exponent`). 0
+        never does, which is Bayes' rule; 0.1 keeps a few thousand particles alive under likelihoods
         much sharper than their distances, and a lost robot's other hypotheses with them.
     hypothesis_temperature : float
         In (0, 1]: factor on the log-evidence by which an image tells clusters of particles apart,
         see `temper_hypotheses`. 1 is Bayes' rule; less keeps several hypotheses alive where places
-        look alike, until an image speaks clearly.
+        look alike, until an image speaks clearly. It needs log-likelihoods that are zero where an
+        image says nothing, as those of `ReferenceImageModel`.
     recovery : Recovery, optional
         Finds a robot that was carried away. Without it a filter that has lost the robot may stay
         lost.
     history : int
         So many past moments are kept for observations that come late, see `update`; each takes 28
-        bytes a particle.
+        bytes a particle, and each stamped motion is one.
     estimate_method : {"cluster", "mean"}
         See `estimate_from_particles`.
     rng : numpy.random.Generator or int, optional
@@ -147,16 +146,22 @@ class ParticleFilter:
             If the filter is not initialised, the odometry is not three finite numbers, or its stamp
             goes back.
         """
-        particles = self._particles
-        if stamp is not None and particles.stamp is not None and stamp < particles.stamp:
+        check_stamp(stamp)
+        motion = np.asarray(odometry, dtype=np.float64)
+        if motion.shape != (3,) or not np.isfinite(motion).all():
+            raise ValueError(
+                f"odometry: expected 3 finite numbers [dx, dy, dheading], got {motion}"
+            )
+        particles = self._particles.copy()
+        if stamp is not None and particles.clocked and particles.delay(stamp) > 0.0:
             raise ValueError(
                 f"stamp: expected odometry after {particles.stamp:.6f} s, got {stamp:.6f}"
             )
         moved = as_poses(self.motion.sample(particles.poses, odometry, self.rng), "motion.sample")
         if len(moved) != len(particles):
             raise ValueError(f"motion.sample: expected {len(particles)} poses, got {len(moved)}")
-        particles.move(moved, np.asarray(odometry, dtype=np.float64))
-        particles.advance(stamp)
+        particles.move(moved, motion, stamp)
+        self._started = particles
 
     def update(self, observation: Any, *, stamp: float | None = None) -> Estimate:
         """Weight the particles with an observation, estimate the pose, resample if need be.
@@ -181,32 +186,41 @@ class ParticleFilter:
         ValueError
             If the filter is not initialised, or the sensor model answers with another shape.
         """
-        # a copy: nothing has changed if the sensor model fails
+        check_stamp(stamp)
+        # a copy: no particle has changed if the sensor model fails
         particles = self._particles.copy()
         delay = particles.delay(stamp)
-        if delay > 0.0:
-            proposed, carried_away = 0, 0.0
-            log_likelihood = self._late_log_likelihood(particles, observation, stamp)
-        else:
-            particles.advance(stamp)
-            # the robot may have been carried away: table 8.3, line 13
-            proposed, carried_away = self._propose(particles, observation)
-            log_likelihood = self._log_likelihood(particles.poses, observation)
-        if log_likelihood is None:
+        then: FloatArray | None = particles.poses
+        if delay > 0.0 and stamp is not None:
+            then = particles.history.at(stamp)
+        if then is None or np.isnan(then).all():
             self.dropped_updates += 1
             return replace(self.estimate(), delay=delay, dropped=True)
+        observation = self._observed(observation)
+        if delay == 0.0:
+            particles.see(stamp)
+
+        # the robot may have been carried away: table 8.3, line 13
+        own, past = particles.weights, len(particles)
+        then, carried_away = self._propose(particles, then, observation)
+        proposed = len(particles) - past
 
         # importance weights: table 8.2, line 5
+        log_likelihood = self._log_likelihood(then, proposed, observation, own)
         weights, poses = particles.weights.times(log_likelihood), particles.poses
-        log_mean, exponent, share = None, 1.0, 0.0
+        exponent, share, log_mean = 1.0, 0.0, None
         if weights is not None:
+            log_mean = _log_mean(own, log_likelihood[:past]) if proposed else weights.log_mean
             share = weights.share_of_last(proposed)
-            log_mean = weights.log_mean + _log_share(1.0 - share, 1.0 - carried_away)
             exponent = particles.weigh(
-                weights, log_likelihood, self.min_effective_share, self.hypothesis_temperature
+                weights,
+                log_likelihood,
+                min_effective_share=self.min_effective_share,
+                hypothesis_temperature=self.hypothesis_temperature,
+                proposed=proposed,
             )
-        if proposed and (weights is None or particles.share_of_last(proposed) < 1.0 / self._most):
-            particles.forget_last(proposed)
+        if proposed and (weights is None or not _raised(particles, proposed, carried_away)):
+            particles.forget_last(proposed, None if weights is not None else own)
         particles.count_update(weights is not None)
 
         # estimate before resampling; however little an image may count, it may say "not here"
@@ -224,10 +238,12 @@ class ParticleFilter:
 
         self._started = particles
         self.degenerate_updates += weights is None
-        self._averages = self._averages_after(log_mean)
+        if self.recovery is not None and log_mean is not None:
+            slow, fast = self.recovery.alpha_slow, self.recovery.alpha_fast
+            self._averages = self._averages.after(log_mean, slow, fast)
         return replace(
             self._counted(estimate),
-            log_mean_likelihood=log_mean,
+            log_mean_likelihood=None if log_mean == -np.inf else log_mean,
             likelihood_exponent=exponent,
             proposed_share=share,
             resampled=resampled,
@@ -286,11 +302,18 @@ class ParticleFilter:
         Returns
         -------
         list of Hypothesis
-            The first one is the pose of `estimate`; empty for a robot that may be anywhere.
+            As a rule the first one is the pose of `estimate`, which takes the heaviest
+            neighbourhood; empty for a robot that may be anywhere.
         """
         return find_hypotheses(self.poses, self.weights, max_count=max_count, min_weight=min_weight)
 
-    def initialize(self, poses: ArrayLike, log_weights: ArrayLike | None = None) -> None:
+    def initialize(
+        self,
+        poses: ArrayLike,
+        log_weights: ArrayLike | None = None,
+        *,
+        stamp: float | None = None,
+    ) -> None:
         """Start from particles of one's own.
 
         Parameters
@@ -299,6 +322,8 @@ class ParticleFilter:
             Any N >= 1; copied.
         log_weights : array_like of shape (N,), optional
             Not necessarily normalised. By default all weigh the same.
+        stamp : float, optional
+            Seconds: when the robot is there.
 
         Raises
         ------
@@ -308,7 +333,9 @@ class ParticleFilter:
         begin = as_poses(poses).copy()
         begin[:, 2] = wrap_to_pi(begin[:, 2])
         weights = Weights.of_poses(len(begin), log_weights)
+        check_stamp(stamp)
         self._started = Particles(begin, weights, History(self._no_history.length))
+        self._started.see(stamp)
         self._averages = LikelihoodAverages()
         self.degenerate_updates = self.dropped_updates = 0
 
@@ -416,7 +443,10 @@ class ParticleFilter:
 
     def _wrong_size(self, size: int) -> bool:
         """Whether there are more or fewer particles than there may be."""
-        return size > self._most or (size < self._most and self.num_particles == self._most)
+        fewest = self._most
+        if isinstance(self.num_particles, KLDSampling):
+            fewest = self.num_particles.min_particles
+        return not fewest <= size <= self._most
 
     def _select(self, particles: Particles) -> None:
         """Resample to as many particles as there should be."""
@@ -425,15 +455,33 @@ class ParticleFilter:
             count = self.num_particles.sample_size(particles.poses, weights)
         particles.select(self._resample(weights, count, self.rng))
 
-    def _propose(self, particles: Particles, observation: Any) -> tuple[int, float]:
-        """Append proposals; give how many, and the probability that they stand for."""
+    def _observed(self, observation: Any) -> Any:
+        """Look at an image once, though recovery and the sensor model both ask for it."""
+        observe = getattr(self.sensor, "observe", None)
+        is_image = isinstance(observation, np.ndarray) and observation.dtype == np.uint8
+        if self.recovery is None or observe is None or not is_image:
+            return observation
+        return observe(observation)
+
+    def _propose(
+        self, particles: Particles, then: FloatArray, observation: Any
+    ) -> tuple[FloatArray, float]:
+        """Append proposals; give where all were at the image, and the probability of the new ones.
+
+        Proposals of a late image are brought to now by motions that particles have made since.
+        """
         if self.recovery is None:
-            return 0, 0.0
+            return then, 0.0
         poses, log_weights, probability = self.recovery.propose(
-            observation, self._most, self._averages, self.rng
+            observation, len(particles), self._averages, self.rng
         )
-        particles.append(poses, log_weights, probability)
-        return len(poses), probability
+        moved = poses
+        if then is not particles.poses:
+            there = np.flatnonzero(np.isfinite(then).all(axis=1))
+            chosen = self.rng.choice(there, len(poses))
+            moved = compose(poses, relative_pose(then[chosen], particles.poses[chosen]))
+        particles.append(moved, log_weights, probability)
+        return np.concatenate([then, poses]), probability
 
     def _counted(self, estimate: Estimate) -> Estimate:
         """Say in an estimate when it is, and what was ignored so far."""
@@ -444,15 +492,30 @@ class ParticleFilter:
             stamp=self.stamp,
         )
 
-    def _averages_after(self, log_mean: float | None) -> LikelihoodAverages:
-        """Take an image into the averages that recovery looks at."""
-        if self.recovery is None or log_mean is None:
-            return self._averages
-        return self._averages.after(log_mean, self.recovery.alpha_slow, self.recovery.alpha_fast)
+    def _log_likelihood(
+        self, poses: FloatArray, proposed: int, observation: Any, weights: Weights
+    ) -> FloatArray:
+        """Ask the sensor model and check the shape of its answer.
 
-    def _log_likelihood(self, poses: FloatArray, observation: Any) -> FloatArray:
-        """Ask the sensor model and check the shape of its answer."""
-        answer = self.sensor.log_likelihood(poses, observation)
+        Particles that were not there yet, NaN, are worth the mean of the others.
+        """
+        there = np.isfinite(poses[:, 0]) if poses is not self.poses else np.ones(0, bool)
+        if not there.all():
+            log_likelihood = np.empty(len(poses))
+            known = np.ascontiguousarray(poses[there])
+            log_likelihood[there] = self._log_likelihood(known, proposed, observation, weights)
+            own = there[: len(weights)]
+            before = weights.log[own]
+            others = None
+            if (before > -np.inf).any():
+                others = Weights.from_log(before).times(log_likelihood[: len(weights)][own])
+            log_likelihood[~there] = np.nan if others is None else others.log_mean
+            return log_likelihood
+        apart = getattr(self.sensor, "log_likelihood_with_proposals", None)
+        if proposed and apart is not None:
+            answer = apart(poses, proposed, observation)
+        else:
+            answer = self.sensor.log_likelihood(poses, observation)
         log_likelihood = np.ascontiguousarray(answer, dtype=np.float64)
         if log_likelihood.shape != (len(poses),):
             raise ValueError(
@@ -460,25 +523,26 @@ class ParticleFilter:
             )
         return log_likelihood
 
-    def _late_log_likelihood(
-        self, particles: Particles, observation: Any, stamp: float | None
-    ) -> FloatArray | None:
-        """Weigh the particles by where they were at some time; None if that is forgotten.
 
-        Particles that were not there yet are worth the mean of the others.
-        """
-        then = None if stamp is None else particles.history.at(stamp)
-        there = np.zeros(0, bool) if then is None else np.isfinite(then).all(axis=1)
-        if then is None or not there.any():
-            return None
-        log_likelihood = np.empty(len(then))
-        log_likelihood[there] = self._log_likelihood(then[there], observation)
-        if not there.all():
-            others = Weights.from_log(particles.weights.log[there]).times(log_likelihood[there])
-            log_likelihood[~there] = np.nan if others is None else others.log_mean
-        return log_likelihood
+def _log_mean(weights: Weights, log_likelihood: FloatArray) -> float:
+    """Give the log of the mean likelihood of weighted particles, -inf where they have none."""
+    after = weights.times(np.ascontiguousarray(log_likelihood))
+    return -np.inf if after is None else after.log_mean
 
 
-def _log_share(share: float, of: float) -> float:
-    """Give log(share / of), bounded below: no share is none of a tiny one."""
-    return float(np.log(max(share, SMALLEST_SHARE)) - np.log(of))
+def _raised(particles: Particles, proposed: int, probability: float) -> bool:
+    """Whether an image speaks for proposals: their odds are more than twice those before it."""
+    share = particles.weights.share_of_last(proposed)
+    own = len(particles) - proposed
+    return share * own >= 1.0 and share * (1.0 - probability) > 2.0 * probability * (1.0 - share)
+
+
+def check_stamp(stamp: float | None) -> None:
+    """Refuse a time that is none.
+
+    Raises
+    ------
+    ValueError
+    """
+    if stamp is not None and not np.isfinite(stamp):
+        raise ValueError(f"stamp: expected finite seconds, got {stamp}")

@@ -28,6 +28,8 @@ class Particles:
     since : SinceResampling, optional
     stamp : float, optional
         Seconds: when they were there.
+    clocked : bool
+        Whether odometry said so; images do not put the clock on then.
     """
 
     def __init__(
@@ -37,12 +39,14 @@ class Particles:
         history: History,
         since: SinceResampling | None = None,
         stamp: float | None = None,
+        clocked: bool = False,
     ) -> None:
         self.poses = poses
         self.weights = weights
         self.history = history
         self.since = SinceResampling() if since is None else since
         self.stamp = stamp
+        self.clocked = clocked
 
     def __len__(self) -> int:
         """Return the number of particles."""
@@ -57,9 +61,9 @@ class Particles:
             So many moments are kept from now on; by default as many as now.
         """
         length = self.history.length if history is None else history
-        moments = self.history.moments[-length:] if length else ()
+        moments = self.history.moments[-length - 1 :] if length else ()
         past = History(length, moments)
-        return Particles(self.poses, self.weights, past, self.since, self.stamp)
+        return Particles(self.poses, self.weights, past, self.since, self.stamp, self.clocked)
 
     def delay(self, stamp: float | None) -> float:
         """Say how many seconds before the particles' own time another time was, at least 0."""
@@ -71,8 +75,10 @@ class Particles:
         self,
         weights: Weights,
         log_likelihood: FloatArray,
+        *,
         min_effective_share: float,
         hypothesis_temperature: float,
+        proposed: int = 0,
     ) -> float:
         """Take new weights, flattened where they are too sharp.
 
@@ -86,19 +92,19 @@ class Particles:
             See `tempering_exponent`.
         hypothesis_temperature : float
             See `temper_hypotheses`.
+        proposed : int
+            So many of the last ones are proposals.
 
         Returns
         -------
         float
             The exponent that the likelihood was flattened with.
         """
-        after, exponent = tempered(self.weights, weights, log_likelihood, min_effective_share)
+        after, exponent = tempered(
+            self.weights, weights, log_likelihood, min_effective_share, proposed=proposed
+        )
         self.weights = temper_hypotheses(self.poses, self.weights, after, hypothesis_temperature)
         return exponent
-
-    def share_of_last(self, count: int) -> float:
-        """Give the share of the weight that the last particles have."""
-        return self.weights.share_of_last(count)
 
     def count_update(self, counted: bool) -> None:
         """Count an observation, if it did, for the resampling policy."""
@@ -108,29 +114,38 @@ class Particles:
             effective_share=self.weights.effective_sample_size / len(self),
         )
 
-    def move(self, poses: FloatArray, odometry: FloatArray) -> None:
+    def move(self, poses: FloatArray, odometry: FloatArray, stamp: float | None) -> None:
         """Take the poses after a motion, and count the way.
 
         Parameters
         ----------
         poses : ndarray of shape (N, 3)
         odometry : ndarray of shape (3,)
+        stamp : float or None
+            Seconds: when the motion ended.
         """
+        self.clocked |= stamp is not None
         self.poses = poses
         self.since = replace(
             self.since,
             translation=self.since.translation + float(np.hypot(odometry[0], odometry[1])),
             rotation=self.since.rotation + abs(float(wrap_to_pi(odometry[2]))),
         )
+        self._note(stamp)
 
-    def advance(self, stamp: float | None) -> None:
-        """Note that the particles are there at this time.
+    def see(self, stamp: float | None) -> None:
+        """Note the time of an image, where odometry has none.
 
         Parameters
         ----------
         stamp : float or None
-            Seconds; nothing is noted without one.
+            Seconds.
         """
+        if not self.clocked:
+            self._note(stamp)
+
+    def _note(self, stamp: float | None) -> None:
+        """Note that the particles are there at this time, if it is known."""
         if stamp is not None:
             self.stamp = stamp
             self.history.add(stamp, self.poses)
@@ -153,17 +168,18 @@ class Particles:
             new = np.full(len(poses), NO_ANCESTOR, np.int32)
             self.history.resample(np.concatenate([np.arange(len(stay), dtype=np.int32), new]))
 
-    def forget_last(self, count: int) -> None:
+    def forget_last(self, count: int, weights: Weights | None = None) -> None:
         """Take the last particles away.
 
         Parameters
         ----------
         count : int
-            The others must have some weight.
+        weights : Weights, optional
+            Of the others; by default as they are, some of them not zero.
         """
         kept = len(self) - count
         self.poses = self.poses[:kept]
-        self.weights = Weights.from_log(self.weights.log[:kept])
+        self.weights = Weights.from_log(self.weights.log[:kept]) if weights is None else weights
         if self.history.moments:
             self.history.resample(np.arange(kept, dtype=np.int32))
 

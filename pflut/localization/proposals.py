@@ -10,10 +10,7 @@ from numpy.typing import NDArray
 
 from pflut.geometry import TWO_PI, FloatArray, relative_headings, wrap_to_pi
 from pflut.localization.initial_poses import Bounds, check_bounds, uniform_poses
-from pflut.localization.reference_image_model import ReferenceImageModel
-
-CANDIDATES = 2
-"""So many times the references that are asked are matched, the most similar ones of the map."""
+from pflut.localization.reference_image_model import CANDIDATES, ReferenceImageModel
 
 
 class PoseProposal(Protocol):

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pflut.geometry import FloatArray
+from pflut.geometry import FloatArray, as_poses
 from pflut.localization.proposals import PoseProposal
 
 
@@ -59,12 +59,12 @@ class Recovery:
     probability : float
         p in (0, 1): that the robot was carried away between two images.
     share : float
-        So many proposals an image, as a share of the particles, in (0, 1].
+        So many proposals an image, as a share of the present particles, in (0, 1].
     alpha_slow, alpha_fast : float
         In [0, 1], ``alpha_fast`` the larger one. Augmented MCL: p is raised to 1 - w_fast / w_slow
         where that is more, the averages of the mean likelihoods of the images by these decay rates
-        (AMCL's ``recovery_alpha_slow`` and ``_fast``). 0 turns it off. The likelihoods are those
-        before normalisation: after it their mean is constant and nothing would ever be noticed.
+        (AMCL's ``recovery_alpha_slow`` and ``_fast``). Both 0 turn it off. The likelihoods are
+        those before normalisation: after it their mean is constant and nothing would be noticed.
 
     Raises
     ------
@@ -126,7 +126,7 @@ class Recovery:
         observation : object
             Handed to the proposal.
         num_particles : int
-            Of the filter.
+            That there are.
         averages : LikelihoodAverages
         rng : numpy.random.Generator
 
@@ -140,5 +140,8 @@ class Recovery:
         """
         count = max(round(self.share * num_particles), 1)
         probability = self.probability_after(averages)
-        poses, log_ratio = self.proposal.propose(observation, count, rng)
+        drawn, log_ratio = self.proposal.propose(observation, count, rng)
+        poses, log_ratio = as_poses(drawn, "proposal"), np.asarray(log_ratio, dtype=np.float64)
+        if len(poses) != count or log_ratio.shape != (count,) or np.isnan(log_ratio).any():
+            raise ValueError(f"proposal: expected {count} poses and as many numbers, none NaN")
         return poses, log_ratio + (log(probability) - log(count)), probability

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 RANGE_PER_SPACING = 6.0
 SINGLE_RANGE = 5.0
 RANGE_PER_NEAR = 4.0
+CANDIDATES = 2
+"""So many times the references that count for proposals are matched."""
 
 
 class ReferenceImageModel:
@@ -119,7 +121,7 @@ class ReferenceImageModel:
         self.min_matches = min_matches
         self.ratio = ratio
         self.mutual = mutual
-        self._last: tuple[Any, Features, dict[int, Correspondences]] = (None, NO_FEATURES, {})
+        self._last: tuple[Features, dict[int, Correspondences]] = (NO_FEATURES, {})
 
     def observe(self, image: NDArray[np.uint8]) -> Features:
         """Turn an image into the features that `log_likelihood` takes.
@@ -194,6 +196,52 @@ class ReferenceImageModel:
         checked = as_poses(poses)
         return self.log_likelihood_of_matches(checked, self.match(checked, observation))
 
+    def log_likelihood_with_proposals(
+        self, poses: ArrayLike, proposed: int, observation: Any
+    ) -> FloatArray:
+        """Compute the log-likelihood at a filter's particles and at poses proposed anywhere.
+
+        Of the references those near the particles count, as in `log_likelihood`, and half as many
+        near the proposals besides: these take no place from those.
+
+        Parameters
+        ----------
+        poses : array_like of shape (N + M, 3)
+        proposed : int
+            M, how many of the last ones are proposals.
+        observation : Features, image or sequence of ReferenceMatch
+
+        Returns
+        -------
+        ndarray of shape (N + M,)
+        """
+        checked = as_poses(poses)
+        matches = self.match_apart(checked, proposed, observation)
+        return self.log_likelihood_of_matches(checked, matches)
+
+    def match_apart(
+        self, poses: FloatArray, proposed: int, observation: Any
+    ) -> list[ReferenceMatch]:
+        """Match an image with references near particles, and with others near proposals.
+
+        Parameters
+        ----------
+        poses : ndarray of shape (N + M, 3)
+        proposed : int
+            M, how many of the last ones are proposals.
+        observation : Features, image or sequence of ReferenceMatch
+
+        Returns
+        -------
+        list of ReferenceMatch
+        """
+        half = -(-self.max_references // 2)
+        few = CANDIDATES * half
+        others = self.match(poses[-proposed:], observation, max_candidates=few)[:half]
+        near = self.match(poses[:-proposed], observation)
+        known = {match.index for match in near}
+        return [*near, *(match for match in others if match.index not in known)]
+
     def log_likelihood_of_matches(
         self, poses: ArrayLike, matches: Sequence[ReferenceMatch]
     ) -> FloatArray:
@@ -232,10 +280,12 @@ class ReferenceImageModel:
         self, poses: FloatArray | None, observation: Any, most: int
     ) -> list[ReferenceMatch]:
         """Match an image with the candidates; of the last image what is known is remembered."""
-        if self._last[0] is not observation:
+        if isinstance(observation, Features) and self._last[0] is observation:
+            features, matched = self._last
+        else:  # of an array nobody knows whether it still holds the image that it held
             known = isinstance(observation, Features)
-            self._last = observation, observation if known else self.observe(observation), {}
-        _, features, matched = self._last
+            features, matched = observation if known else self.observe(observation), {}
+            self._last = features, matched
         indices = self.reference_map.candidates(
             features, poses, max_range=self.max_range, max_candidates=most
         )

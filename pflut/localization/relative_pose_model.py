@@ -30,6 +30,12 @@ class Matcher(Protocol):
         """Match an observation with the references in range of poses (N, 3)."""
         ...  # pragma: no cover
 
+    def match_apart(
+        self, poses: FloatArray, proposed: int, observation: Any
+    ) -> list[ReferenceMatch]:
+        """Match with references near particles, and others near the last poses, proposals."""
+        ...  # pragma: no cover
+
 
 class RelativePoseModel:
     """Log-likelihood of an image at poses, from one relative pose with each reference.
@@ -124,7 +130,19 @@ class RelativePoseModel:
         ValueError
             If the estimator does not give a relative pose for each pair.
         """
-        matches = self.matcher.match(poses, observation)
+        return self.fixes_of(self.matcher.match(poses, observation))
+
+    def fixes_of(self, matches: Sequence[ReferenceMatch]) -> list[RelativePoseFix]:
+        """Estimate the relative poses of matches, see `fixes`.
+
+        Parameters
+        ----------
+        matches : sequence of ReferenceMatch
+
+        Returns
+        -------
+        list of RelativePoseFix
+        """
         if not matches:
             return []
         found = self.estimator([match.correspondences for match in matches])
@@ -158,6 +176,26 @@ class RelativePoseModel:
         """
         checked = as_poses(poses)
         return self.log_likelihood_of_fixes(checked, self.fixes(checked, observation))
+
+    def log_likelihood_with_proposals(
+        self, poses: ArrayLike, proposed: int, observation: Any
+    ) -> FloatArray:
+        """Compute the log-likelihood at particles and at poses proposed anywhere.
+
+        Parameters
+        ----------
+        poses : array_like of shape (N + M, 3)
+        proposed : int
+            M, how many of the last ones are proposals.
+        observation : Features, image or sequence of ReferenceMatch
+
+        Returns
+        -------
+        ndarray of shape (N + M,)
+        """
+        checked = as_poses(poses)
+        matches = self.matcher.match_apart(checked, proposed, observation)
+        return self.log_likelihood_of_fixes(checked, self.fixes_of(matches))
 
     def log_likelihood_of_fixes(
         self, poses: ArrayLike, fixes: Sequence[RelativePoseFix]

@@ -374,8 +374,29 @@ RESAMPLERS: dict[str, Resampler] = {
 }
 
 
+def _checking(resample: Resampler) -> Resampler:
+    """Check what a function of somebody else's answers: kernels trust it."""
+
+    def checked(
+        weights: ArrayLike, n: int, rng: np.random.Generator | int | None = None
+    ) -> IndexArray:
+        indices = np.array(resample(weights, n, rng))
+        if indices.shape != (n,) or indices.dtype.kind not in "iu":
+            raise ValueError(
+                f"resampling: expected {n} whole numbers, got {indices.dtype} of {indices.shape}"
+            )
+        if n and not 0 <= indices.min() <= indices.max() < np.size(weights):
+            raise ValueError(
+                f"resampling: expected indices 0 to {np.size(weights) - 1}, got "
+                f"{indices.min()} to {indices.max()}"
+            )
+        return indices.astype(np.int32)
+
+    return checked
+
+
 def get_resampler(scheme: str | Resampler) -> Resampler:
-    """Give a resampler by its name; a function is given back as it is.
+    """Give a resampler by its name; what a function answers is checked at every call.
 
     Parameters
     ----------
@@ -392,7 +413,7 @@ def get_resampler(scheme: str | Resampler) -> Resampler:
         If no scheme has that name.
     """
     if not isinstance(scheme, str):
-        return scheme
+        return scheme if scheme in RESAMPLERS.values() else _checking(scheme)
     if scheme not in RESAMPLERS:
         raise ValueError(f"resampling: expected one of {sorted(RESAMPLERS)}, got {scheme!r}")
     return RESAMPLERS[scheme]

@@ -134,12 +134,15 @@ class EveryUpdates(ResamplingPolicy):
 class Moved(ResamplingPolicy):
     """Resample only after a motion: a robot that stands sees the same image again and again.
 
+    The images count nevertheless. A robot that ought to look only after a motion, as AMCL's with
+    ``update_min_d`` and ``update_min_a``, calls `ParticleFilter.update` only then.
+
     Parameters
     ----------
     translation : float
-        Metres, AMCL's ``update_min_d``.
+        Metres, all steps added.
     rotation : float
-        Radians, AMCL's ``update_min_a``; one of the two suffices.
+        Radians, all turns added; one of the two suffices.
 
     Raises
     ------

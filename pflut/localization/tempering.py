@@ -12,7 +12,9 @@ SMALLEST = 1e-12
 MAX_LOOKED_AT = 20_000
 
 
-def tempering_exponent(weights: Weights, log_likelihood: FloatArray, min_share: float) -> float:
+def tempering_exponent(
+    weights: Weights, log_likelihood: FloatArray, min_share: float, *, proposed: int = 0
+) -> float:
     """Find the largest exponent on a likelihood that leaves enough effective particles.
 
     Particles are a sample: where a likelihood is much narrower than their distances, the one that
@@ -26,7 +28,9 @@ def tempering_exponent(weights: Weights, log_likelihood: FloatArray, min_share: 
     log_likelihood : ndarray of shape (N,)
         Below +inf, not all -inf.
     min_share : float
-        In [0, 1): of N, so many effective particles shall be left.
+        In [0, 1): of the particles that were effective before, so many shall be left.
+    proposed : int
+        The last particles are proposals of so many, which nobody relies on: they do not count.
 
     Returns
     -------
@@ -38,12 +42,16 @@ def tempering_exponent(weights: Weights, log_likelihood: FloatArray, min_share: 
     E. Herbst, F. Schorfheide, "Tempered particle filtering", Journal of Econometrics 210, 2019;
     without its repeated moves.
     """
-    stride = max(1, len(weights) // MAX_LOOKED_AT)
-    before = Weights.from_log(weights.log[::stride]) if stride > 1 else weights
-    seen = np.ascontiguousarray(log_likelihood[::stride])
+    before, seen = weights, log_likelihood
+    if len(weights) > MAX_LOOKED_AT:
+        alive = np.flatnonzero(weights.log > -np.inf)
+        chosen = alive[:: max(1, len(alive) // MAX_LOOKED_AT)]
+        before = Weights.from_log(weights.log[chosen])
+        seen = np.ascontiguousarray(log_likelihood[chosen])
     if not (seen > -np.inf).any():
         return 1.0
-    needed = min_share * len(before)
+    own = len(before) * (1.0 - proposed / len(weights))
+    needed = min_share * min(own, before.effective_sample_size)
 
     def enough(exponent: float) -> bool:
         after = before.times(exponent * seen)
@@ -63,7 +71,12 @@ def tempering_exponent(weights: Weights, log_likelihood: FloatArray, min_share: 
 
 
 def tempered(
-    before: Weights, after: Weights, log_likelihood: FloatArray, min_share: float
+    before: Weights,
+    after: Weights,
+    log_likelihood: FloatArray,
+    min_share: float,
+    *,
+    proposed: int = 0,
 ) -> tuple[Weights, float]:
     """Flatten an observation where it leaves too few effective particles.
 
@@ -73,7 +86,7 @@ def tempered(
         By Bayes' rule.
     log_likelihood : ndarray of shape (N,)
         Of the observation.
-    min_share : float
+    min_share, proposed
         As in `tempering_exponent`.
 
     Returns
@@ -84,6 +97,8 @@ def tempered(
     """
     if after.effective_sample_size >= min_share * len(after):
         return after, 1.0
-    exponent = tempering_exponent(before, log_likelihood, min_share)
+    exponent = tempering_exponent(before, log_likelihood, min_share, proposed=proposed)
+    if exponent == 1.0:
+        return after, 1.0
     flattened = before.times(exponent * log_likelihood)
     return (after, exponent) if flattened is None else (flattened, exponent)

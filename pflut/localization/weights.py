@@ -118,7 +118,7 @@ class Weights:
 
     def share_of_last(self, count: int) -> float:
         """Give the share of the weight that the last ``count`` particles have."""
-        return float(self.linear[len(self) - count :].sum()) if count else 0.0
+        return min(float(self.linear[len(self) - count :].sum()), 1.0) if count else 0.0
 
     def times(self, log_likelihood: FloatArray) -> Weights | None:
         """Multiply by likelihoods and normalise.

@@ -65,7 +65,7 @@ class ReplaySensor(ReferenceImageModel):
         self.cache = cache
         self.matches: list[ReferenceMatch] = []
         self.seconds: dict[str, float] = {}
-        self._before = 0.0
+        self._observation: Any = None
 
     def observe(self, image: NDArray[np.uint8]) -> Features:
         """Turn an image into features, or find them in the cache."""
@@ -79,11 +79,10 @@ class ReplaySensor(ReferenceImageModel):
         """Match an image with the references worth comparing, by the clock."""
         start = perf_counter()
         matches = super().match(poses, observation, max_candidates=max_candidates)
-        taken = perf_counter() - start
-        if poses is None:  # of recovery; what the likelihood is made of comes after it
-            self._before = taken
-            return matches
-        self.matches, self.seconds["match"], self._before = matches, self._before + taken, 0.0
+        # recovery matches the same image before: all of it counts, the last matches are kept
+        before = self.seconds.get("match", 0.0) if observation is self._observation else 0.0
+        self.seconds["match"] = before + perf_counter() - start
+        self.matches, self._observation = matches, observation
         return matches
 
     def log_likelihood_of_matches(
