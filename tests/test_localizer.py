@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pflut.geometry import compose, relative_pose
+from pflut.localization.filter_state import FilterState
 from pflut.localization.localizer import Localizer
 from pflut.localization.motion import DifferentialDrive
 from pflut.localization.particle_filter import ParticleFilter
@@ -128,6 +129,25 @@ def test_without_ground_truth():
     assert steps[1].ground_truth is None
     drive.ground_truth = None
     assert Localizer(drive, make(PlaceSensor())).run()[0].ground_truth is None
+
+
+def test_two_halves_are_the_whole(tmp_path):
+    drive = FakeDrive()
+    whole = Localizer(drive, make(PlaceSensor())).run()
+    first = make(PlaceSensor())
+    half = Localizer(drive, first, indices=range(1, 11, 2)).run()
+    first.state().save(tmp_path / "filter.npz")
+    second = make(PlaceSensor())
+    second.restore(FilterState.load(tmp_path / "filter.npz"))
+    rest = Localizer(drive, second, indices=range(11, 20, 2), resume_from=half[-1].index).run()
+    for step, expected in zip(half + rest, whole, strict=True):
+        assert step.estimate.pose.tobytes() == expected.estimate.pose.tobytes()
+
+
+@pytest.mark.parametrize("resume_from", [-1, 1, 20])
+def test_a_frame_to_resume_from_is_before_the_others(resume_from):
+    with pytest.raises(ValueError, match=r"^resume_from: expected a frame with odometry"):
+        Localizer(FakeDrive(), make(PlaceSensor()), resume_from=resume_from)
 
 
 def test_misuse_is_refused():

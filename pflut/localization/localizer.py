@@ -94,6 +94,9 @@ class Localizer:
         sensor's ``observe(image)`` where it has that.
     indices : sequence of int, optional
         The frames to go through, in increasing order; by default the dataset's query frames.
+    resume_from : int, optional
+        The frame that the filter has seen last, of one that is resumed: odometry goes on from
+        there, so that two halves of a drive are the same as the whole.
 
     Attributes
     ----------
@@ -115,12 +118,21 @@ class Localizer:
         *,
         observations: Callable[[int], Any] | None = None,
         indices: Sequence[int] | None = None,
+        resume_from: int | None = None,
     ) -> None:
         if dataset.odometry is None:
             raise ValueError(f"dataset {dataset.name!r}: has no odometry, a replay needs it")
         chosen = np.asarray(dataset.query_indices if indices is None else indices, dtype=np.int64)
         if (np.diff(chosen) <= 0).any():
             raise ValueError("indices: expected increasing frame numbers")
+        if resume_from is not None and (
+            not 0 <= resume_from < len(dataset.odometry)
+            or (len(chosen) and chosen[0] <= resume_from)
+            or not np.isfinite(dataset.odometry[resume_from]).all()
+        ):
+            raise ValueError(
+                f"resume_from: expected a frame with odometry before the others, got {resume_from}"
+            )
         known = np.isfinite(dataset.odometry[chosen]).all(axis=1)
         self.dataset = dataset
         self.pf = pf
@@ -128,6 +140,7 @@ class Localizer:
         self.skipped = tuple(chosen[~known].tolist())
         self._observations = observations
         self._odometry = dataset.odometry
+        self._resume_from = resume_from
 
     def __len__(self) -> int:
         """Return the number of steps."""
@@ -135,7 +148,7 @@ class Localizer:
 
     def __iter__(self) -> Iterator[Step]:
         """Replay: yield a `Step` after each image."""
-        before: int | None = None
+        before = self._resume_from
         for index in self.indices:
             timings: dict[str, float] = {}
             observation = self._observe(index, timings)
