@@ -29,6 +29,8 @@ MAX_DRAWS = 1024
 WINDOW_RADIUS = 1.0
 WINDOW_ANGLE = np.deg2rad(30.0)
 MAX_PASSES = 12
+# so many particles suffice to find it
+MAX_LOOKED_AT = 8192
 # what holds less of the weight is no cluster but a chance neighbourhood of a lost robot
 SMALLEST_CLUSTER = 0.05
 
@@ -274,6 +276,13 @@ def heaviest_cluster(poses: FloatArray, weights: FloatArray) -> Cluster:
     weights : ndarray of shape (N,)
         >= 0, not all zero, their sum at most one.
     """
+    stride = -(-len(poses) // MAX_LOOKED_AT)
+    some = np.ascontiguousarray(weights[::stride])
+    if stride > 1 and some.any():
+        # the window is found with some of very many, what it holds with all
+        rough = heaviest_cluster(np.ascontiguousarray(poses[::stride]), some)
+        share, mean, covariance = _window(poses, weights, rough.pose, rough.radius, rough.angle)
+        return Cluster(share, mean, covariance, rough.radius, rough.angle)
     center, total = _heaviest_cell(poses, weights), float(weights.sum())
     radius, angle = WINDOW_RADIUS, WINDOW_ANGLE
     for _ in range(MAX_PASSES):
