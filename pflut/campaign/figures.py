@@ -13,6 +13,8 @@ from pflut.campaign.outcome import DriveOutcome
 from pflut.campaign.summary import calibration_curve
 from pflut.plot.style import CYCLE, GREY, new_figure, tidy
 
+COLORS = (*CYCLE, GREY)
+"""As many as there are filters."""
 Group = Mapping[str, Sequence[DriveOutcome]]
 """Drives by a name: of a filter, or of a campaign."""
 FEWEST = 10  # images of a class whose share is drawn
@@ -58,7 +60,7 @@ def _draw_shares(panel: Axes, group: Mapping[str, Sequence[int | None]], label: 
     end = max(20.0, *(1.05 * float(images.max(initial=1)) for images in taken.values()))
     # narrower and narrower, so that curves that coincide are all seen
     widths = np.linspace(1.4 + 0.8 * min(len(taken) - 1, 3), 1.4, len(taken))
-    styles = zip(CYCLE * len(taken), widths, taken.items(), strict=False)
+    styles = zip(COLORS * len(taken), widths, taken.items(), strict=False)
     for color, width, (name, images) in styles:
         share = np.arange(len(images) + 1) / max(len(group[name]), 1)
         x, y = [0.0, *images, end], [*share, share[-1]]
@@ -85,7 +87,7 @@ def errors_figure(group: Mapping[tuple[str, str], Sequence[DriveOutcome]]) -> Fi
     figure = new_figure(max(6.0, 2.5 + 1.1 * len(scenarios)), 8.0)
     rows = figure.subplots(3, 1, sharex=True)
     width = 0.8 / len(names)
-    for k, (color, name) in enumerate(zip(CYCLE * len(names), names, strict=False)):
+    for k, (color, name) in enumerate(zip(COLORS * len(names), names, strict=False)):
         for at, scenario in enumerate(scenarios):
             some = group.get((scenario, name), ())
             if not some:
@@ -148,7 +150,7 @@ def confidence_figure(group: Group, *, title: str | None = None) -> Figure:
     figure = new_figure(5.6, 5.4)
     axes = figure.add_subplot()
     axes.plot([0, 100], [0, 100], color=GREY, linewidth=0.8)
-    for color, (name, some) in zip(CYCLE * len(group), group.items(), strict=False):
+    for color, (name, some) in zip(COLORS * len(group), group.items(), strict=False):
         curve = [part for part in calibration_curve(some) if part.count >= FEWEST]
         x = 100.0 * np.array([part.predicted for part in curve])
         y = 100.0 * np.array([part.observed for part in curve])
