@@ -26,6 +26,7 @@ RENDERED = ("tracking", "global", "kidnapped", "crowded", "sparse", "odometry")
 """The scenarios that a rendered home has."""
 RENDERED_PEOPLE = 4
 CARRIED = 3.0  # metres that a kidnapped robot is carried at least
+IMAGES_AFTER = 20  # that it is given to find itself
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,11 +172,7 @@ def _driven(
     assert dataset.ground_truth is not None
     queries, kidnapped_at = dataset.query_indices, None
     if scenario.kidnapped:
-        kidnapped_at = len(queries) // 2
-        here = dataset.ground_truth[queries[kidnapped_at - 1]]
-        far = np.hypot(*(dataset.ground_truth[queries, :2] - here[:2]).T)
-        later = np.flatnonzero(far[kidnapped_at:] >= CARRIED)
-        first = kidnapped_at + int(later[0] if len(later) else np.argmax(far[kidnapped_at:]))
+        kidnapped_at, first = _carried(dataset.ground_truth[queries])
         queries = np.concatenate([queries[:kidnapped_at], queries[first:]])
     driven = dataset.ground_truth[queries]
     if kidnapped_at is not None:
@@ -191,3 +188,19 @@ def _driven(
         **{name: scenario.odometry_noise**2 * value for name, value in ODOMETRY_NOISE.items()},
     )
     return replace(dataset.with_odometry(measured), query_indices=queries), kidnapped_at
+
+
+def _carried(poses: FloatArray) -> tuple[int, int]:
+    """Choose from which image of a drive the robot is carried to which later one.
+
+    From the one nearest to the middle from which one that is far enough leaves enough of the drive;
+    where there is none, from the middle to the farthest.
+    """
+    middle = len(poses) // 2
+    for k in sorted(range(1, len(poses)), key=lambda k: abs(k - middle)):
+        away = np.hypot(*(poses[k:, :2] - poses[k - 1, :2]).T)
+        far = np.flatnonzero(away >= CARRIED)
+        if len(far) and len(poses) - (k + far[0]) >= IMAGES_AFTER:
+            return k, k + int(far[0])
+    away = np.hypot(*(poses[middle:, :2] - poses[middle - 1, :2]).T)
+    return middle, middle + int(np.argmax(away))
