@@ -188,13 +188,13 @@ def measure_sensor(n: int, report: Callable[[str, float], None]) -> None:
     whole = median_ns(update, n) - median_ns(lambda: pf.initialize(poses), n)
     report("update, 10 references, a reference", whole / REFERENCES)
     report("update, 10 references [ms]", 1e-6 * whole * n)
-    pf.initialize(poses)
     tracemalloc.start()
+    pf.initialize(poses)
+    tracemalloc.reset_peak()
     pf.step(ODOMETRY, matches)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    # what the filter had before the step is not traced: poses, weights and their logarithms
-    report("memory at most [bytes]", (peak + 5 * 8 * n) / n)
+    report("memory at most [bytes]", peak / n)
 
 
 if __name__ == "__main__":

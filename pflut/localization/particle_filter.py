@@ -229,6 +229,10 @@ class ParticleFilter:
             said = mass_near(poses, weights.linear, estimate.pose)
             estimate = replace(estimate, confidence=min(estimate.confidence, said))
 
+        # taken over; what a million particles no longer need is freed
+        self._started = particles
+        del own, log_likelihood
+
         # resample when too few particles carry the weight: table 8.2, lines 8 to 11
         resampled = self._wrong_size(len(particles)) or (
             weights is not None and self.resample_when(particles.since)
@@ -236,7 +240,6 @@ class ParticleFilter:
         if resampled:
             self._select(particles)
 
-        self._started = particles
         self.degenerate_updates += weights is None
         if self.recovery is not None and log_mean is not None:
             slow, fast = self.recovery.alpha_slow, self.recovery.alpha_fast
