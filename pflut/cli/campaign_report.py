@@ -8,8 +8,15 @@ from typing import Any
 
 from pflut._files import write_json
 from pflut.campaign.drives import Campaign, outcome_file
+from pflut.campaign.filters import FILTERS
 from pflut.campaign.outcome import DriveOutcome
-from pflut.campaign.summary import calibration_curve, groups, summarize_outcomes
+from pflut.campaign.summary import (
+    calibration_curve,
+    groups,
+    read_campaign,
+    summarize_outcomes,
+)
+from pflut.simulation.scenarios import SCENARIOS
 
 _HEAD = (
     f"{'scenario':12}{'filter':12}{'drives':>7}{'converged':>19}{'recovered':>19}"
@@ -27,6 +34,15 @@ def kept(folder: Path, campaign: Campaign, seeds: range) -> int:
     )
 
 
+def in_order(outcomes: Sequence[DriveOutcome]) -> list[DriveOutcome]:
+    """Sort drives as scenarios and filters are listed, then by seed."""
+    rank = {name: place for place, name in enumerate((*SCENARIOS, *FILTERS))}
+    last = len(rank)
+    return sorted(
+        outcomes, key=lambda o: (rank.get(o.scenario, last), rank.get(o.filter, last), o.seed)
+    )
+
+
 def write_report(
     folder: Path,
     outcomes: Sequence[DriveOutcome],
@@ -38,30 +54,32 @@ def write_report(
 ) -> None:
     """Write metrics, the record and figures of a campaign into its folder, and print the table.
 
+    The table has the drives that were asked for, metrics and figures all that the folder holds.
+
     Parameters
     ----------
     folder : Path
     outcomes : sequence of DriveOutcome
+        That were asked for.
     record : mapping
         For ``run.json``.
     within, recovered_within : int
         Images.
     figures : bool
     """
-    found = groups(sorted(outcomes, key=lambda outcome: outcome.seed))
-    summaries = [
-        summarize_outcomes(some, within=within, recovered_within=recovered_within)
-        for some in found.values()
-    ]
+    images = {"within": within, "recovered_within": recovered_within}
+    found = groups(in_order(read_campaign(folder)))
     curves = {
         "/".join(key): [vars(part) for part in calibration_curve(some)]
         for key, some in found.items()
     }
+    summaries = [summarize_outcomes(some, **images) for some in found.values()]
     write_json(folder / "metrics.json", {"groups": summaries, "calibration": curves})
     write_json(folder / "run.json", dict(record))
     if figures:
         draw(folder / "figures", found)
-    print_table(summaries)
+    asked = groups(in_order(outcomes)).values()
+    print_table([summarize_outcomes(some, **images) for some in asked])
     print(f"results: {folder}")
 
 
