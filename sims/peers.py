@@ -481,7 +481,7 @@ def tune(pairs: int, folder: Path) -> None:
 def main() -> None:
     """Run everything."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="20 pairs a cell")
+    parser.add_argument("--quick", action="store_true", help="12 pairs a cell")
     parser.add_argument("--pairs", type=int, default=1000, help="a cell, at most")
     parser.add_argument(
         "--seconds", type=float, default=5.0, help="a cell; who is slower gets fewer pairs"
@@ -504,7 +504,7 @@ def main() -> None:
     if arguments.tune:
         tune(40, arguments.programs)
         return
-    pairs = 20 if arguments.quick else arguments.pairs
+    pairs = 12 if arguments.quick else arguments.pairs
     budget = 0.1 if arguments.quick else arguments.seconds
     arguments.output.mkdir(parents=True, exist_ok=True)
     cells = [
