@@ -91,8 +91,7 @@ class TrajectoryErrors:
     @property
     def good(self) -> NDArray[np.bool_]:
         """Which steps are below 0.5 m and 10 degrees."""
-        near = self.position < CONVERGED_POSITION
-        return np.asarray(near & (np.abs(self.heading) < CONVERGED_HEADING))
+        return near_truth(self.position, self.heading)
 
     def within(self, position: float, heading: float) -> NDArray[np.bool_]:
         """Say which steps are within a distance (metres) and an angle (radians) of the truth."""
@@ -187,6 +186,28 @@ def relative_pose_errors(
     return np.where(failed, np.pi, heading_error), np.where(failed, np.pi, rotation_error)
 
 
+def near_truth(
+    position: ArrayLike,
+    heading: ArrayLike,
+    max_position: float = CONVERGED_POSITION,
+    max_heading: float = CONVERGED_HEADING,
+) -> NDArray[np.bool_]:
+    """Say which errors are below a distance and an angle; none that is NaN.
+
+    Parameters
+    ----------
+    position, heading : array_like of shape (n,)
+        Metres; radians, signed or not.
+    max_position, max_heading : float
+
+    Returns
+    -------
+    ndarray of shape (n,), bool
+    """
+    near = np.asarray(position) < max_position
+    return np.asarray(near & (np.abs(heading) < max_heading))
+
+
 def convergence_index(
     position: ArrayLike,
     heading: ArrayLike,
@@ -213,7 +234,7 @@ def convergence_index(
     distance = np.asarray(position, dtype=np.float64)
     angle = np.abs(np.asarray(heading, dtype=np.float64))
     known = np.flatnonzero(~(np.isnan(distance) | np.isnan(angle)))
-    good = (distance[known] < max_position) & (angle[known] < max_heading)
+    good = near_truth(distance[known], angle[known], max_position, max_heading)
     bad = np.flatnonzero(~good)
     first = int(bad[-1]) + 1 if bad.size else 0
     return int(known[first]) if first < len(known) else None

@@ -8,7 +8,8 @@ import pytest
 from test_hypotheses import around
 from test_particle_filter import Position
 
-from pflut.localization.hypothesis_weights import ENOUGH, LEAST_SHARE, _claim, temper_hypotheses
+from pflut.localization.hypotheses import _claim
+from pflut.localization.hypothesis_weights import ENOUGH, LEAST_SHARE, temper_hypotheses
 from pflut.localization.motion import DifferentialDrive
 from pflut.localization.particle_filter import ParticleFilter
 from pflut.localization.weights import Weights

@@ -17,6 +17,7 @@ from pflut.localization.localizer import Drive
 from pflut.reference_map import ReferenceMap
 from pflut.replay.options import ReplayOptions
 from pflut.replay.pipeline import make_extractor
+from pflut.simulation.drive import apart
 from pflut.simulation.landmark_drive import ODOMETRY_NOISE, scenario_named, simulate_drive
 from pflut.simulation.odometry import simulate_odometry
 from pflut.simulation.scenarios import SCENARIOS, Scenario
@@ -147,22 +148,6 @@ def rendered_course(
         extractor=extractor,
         cache=cache,
     )
-
-
-def apart(poses: FloatArray, spacing: float) -> list[int]:
-    """Choose poses that are so far from each other, in their order.
-
-    Parameters
-    ----------
-    poses : ndarray of shape (m, 3)
-    spacing : float
-        Metres.
-    """
-    chosen: list[int] = []
-    for k, pose in enumerate(poses):
-        if not chosen or np.hypot(*(poses[chosen, :2] - pose[:2]).T).min() >= spacing:
-            chosen.append(k)
-    return chosen
 
 
 def _driven(

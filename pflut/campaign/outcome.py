@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pflut._files import read_json, write_json
-from pflut.evaluation import CONVERGED_HEADING, CONVERGED_POSITION, convergence_index
+from pflut.evaluation import convergence_index, near_truth
 from pflut.geometry import FloatArray
 
 _LISTS = (
@@ -71,8 +71,7 @@ class DriveOutcome:
     @cached_property
     def good(self) -> NDArray[np.bool_]:
         """Which estimates are within 0.5 m and 10 degrees."""
-        near = np.array(self.position_m) < CONVERGED_POSITION
-        return np.asarray(near & (np.abs(self._heading) < CONVERGED_HEADING))
+        return near_truth(self.position_m, self._heading)
 
     @cached_property
     def _heading(self) -> FloatArray:

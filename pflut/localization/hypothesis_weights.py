@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pflut._jit import jit
-from pflut.geometry import TWO_PI, FloatArray
-from pflut.localization.estimate import heaviest_cluster
+from pflut.geometry import FloatArray
+from pflut.localization.hypotheses import take_clusters
 from pflut.localization.weights import Weights
 
 MAX_CLUSTERS = 8
@@ -17,27 +16,6 @@ ENOUGH = 5.0
 """Nats of evidence that an image fits in a place."""
 SURE = 0.999
 """So much weight in one cluster, and there is nothing to tell apart."""
-
-
-@jit
-def _claim(
-    poses: FloatArray,
-    center: FloatArray,
-    radius: float,
-    angle: float,
-    number: int,
-    owners: NDArray[np.int64],
-    left: FloatArray,
-) -> None:
-    """Give a window's particles that nobody owns to a cluster, and take their weight: O(N)."""
-    for i in range(owners.size):
-        x = poses[i, 0] - center[0]
-        y = poses[i, 1] - center[1]
-        h = poses[i, 2] - center[2]
-        h -= TWO_PI * np.rint(h * (1.0 / TWO_PI))
-        if owners[i] < 0 and x * x + y * y <= radius * radius and abs(h) <= angle:
-            owners[i] = number
-            left[i] = 0.0
 
 
 def temper_hypotheses(
@@ -70,18 +48,11 @@ def temper_hypotheses(
     if temperature == 1.0:
         return after
     # of the weight before as well: a hypothesis that an image all but ruled out is one, too
-    left = 0.5 * (before.linear + after.linear)
-    cluster = heaviest_cluster(poses, left)
-    if cluster.share >= SURE:
+    mixed = 0.5 * (before.linear + after.linear)
+    clusters, owners = take_clusters(poses, mixed, max_count=MAX_CLUSTERS, least=LEAST_SHARE)
+    if clusters and clusters[0].share >= SURE:
         return after
-    owners = np.full(len(after), -1, dtype=np.int64)
-    number = 0
-    while cluster.share >= LEAST_SHARE:
-        _claim(poses, cluster.pose, cluster.radius, cluster.angle, number, owners, left)
-        number += 1
-        if number == MAX_CLUSTERS or left.sum() < LEAST_SHARE:
-            break
-        cluster = heaviest_cluster(poses, left)
+    number = len(clusters)
     owners[owners < 0] = number
     prior, posterior = (_log_sums(weights.log, owners, number + 1) for weights in (before, after))
     # a cluster without weight stays without

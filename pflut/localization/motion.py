@@ -88,7 +88,7 @@ def _move(
         out[i, 2] = heading if (heading > -np.pi) & (heading <= np.pi) else wrapped
 
 
-def _as_odometry(odometry: ArrayLike) -> tuple[float, float, float]:
+def as_odometry(odometry: ArrayLike) -> tuple[float, float, float]:
     """Check an odometry increment and give its three numbers."""
     motion = np.asarray(odometry, dtype=np.float64)
     if motion.shape != (3,) or not np.isfinite(motion).all():
@@ -279,7 +279,7 @@ class DifferentialDrive:
         ValueError
             If it is not three finite numbers.
         """
-        dx, dy, rotation = _as_odometry(odometry)
+        dx, dy, rotation = as_odometry(odometry)
         translation = float(np.hypot(dx, dy))
         first = float(np.arctan2(dy, dx)) if translation > 0.0 else 0.0
         if translation >= self.min_translation:
@@ -391,7 +391,7 @@ class Omnidirectional:
         ValueError
             If it is not three finite numbers.
         """
-        dx, dy, rotation = _as_odometry(odometry)
+        dx, dy, rotation = as_odometry(odometry)
         translation = float(np.hypot(dx, dy))
         direction = float(np.arctan2(dy, dx)) if translation > 0.0 else 0.0
         moved2, turned2 = translation**2, _from_zero(rotation) ** 2

@@ -14,7 +14,7 @@ from pflut.localization.filter_state import FilterState
 from pflut.localization.history import History
 from pflut.localization.hypotheses import Hypothesis, find_hypotheses
 from pflut.localization.initial_poses import Bounds, gaussian_poses, uniform_poses
-from pflut.localization.motion import MotionModel
+from pflut.localization.motion import MotionModel, as_odometry
 from pflut.localization.particles import Particles
 from pflut.localization.recovery import LikelihoodAverages, Recovery
 from pflut.localization.resampling import Resampler, get_resampler
@@ -125,7 +125,7 @@ class ParticleFilter:
         self.rng = np.random.default_rng(rng)
         self.degenerate_updates = self.dropped_updates = 0
         self._resample = get_resampler(resampling)
-        self._no_history = History(history)
+        self.history = History(history).length  # which checks it
         self._averages = LikelihoodAverages()
         self._started: Particles | None = None
 
@@ -147,11 +147,7 @@ class ParticleFilter:
             goes back.
         """
         check_stamp(stamp)
-        motion = np.asarray(odometry, dtype=np.float64)
-        if motion.shape != (3,) or not np.isfinite(motion).all():
-            raise ValueError(
-                f"odometry: expected 3 finite numbers [dx, dy, dheading], got {motion}"
-            )
+        increment = as_odometry(odometry)
         particles = self._particles.copy()
         if stamp is not None and particles.clocked and particles.delay(stamp) > 0.0:
             raise ValueError(
@@ -160,7 +156,7 @@ class ParticleFilter:
         moved = as_poses(self.motion.sample(particles.poses, odometry, self.rng), "motion.sample")
         if len(moved) != len(particles):
             raise ValueError(f"motion.sample: expected {len(particles)} poses, got {len(moved)}")
-        particles.move(moved, motion, stamp)
+        particles.move(moved, increment, stamp)
         self._started = particles
 
     def update(self, observation: Any, *, stamp: float | None = None) -> Estimate:
@@ -206,7 +202,7 @@ class ParticleFilter:
         proposed = len(particles) - past
 
         # importance weights: table 8.2, line 5
-        log_likelihood = self._log_likelihood(then, proposed, observation, own)
+        log_likelihood = self._log_likelihood(then, proposed, observation, own, late=delay > 0.0)
         weights, poses = particles.weights.times(log_likelihood), particles.poses
         exponent, share, log_mean = 1.0, 0.0, None
         if weights is not None:
@@ -337,7 +333,7 @@ class ParticleFilter:
         begin[:, 2] = wrap_to_pi(begin[:, 2])
         weights = Weights.of_poses(len(begin), log_weights)
         check_stamp(stamp)
-        self._started = Particles(begin, weights, History(self._no_history.length))
+        self._started = Particles(begin, weights, History(self.history))
         self._started.see(stamp)
         self._averages = LikelihoodAverages()
         self.degenerate_updates = self.dropped_updates = 0
@@ -403,7 +399,7 @@ class ParticleFilter:
             If the state is of no random generator that NumPy has.
         """
         self.rng = state.random_generator()
-        self._started = state.particles.copy(history=self._no_history.length)
+        self._started = state.particles.copy(history=self.history)
         self._averages = state.averages
         self.degenerate_updates = state.degenerate_updates
         self.dropped_updates = state.dropped_updates
@@ -496,24 +492,26 @@ class ParticleFilter:
         )
 
     def _log_likelihood(
-        self, poses: FloatArray, proposed: int, observation: Any, weights: Weights
+        self, poses: FloatArray, proposed: int, observation: Any, weights: Weights, *, late: bool
     ) -> FloatArray:
-        """Ask the sensor model and check the shape of its answer.
+        """Weigh particles and proposals where they were at the image.
 
         Particles that were not there yet, NaN, are worth the mean of the others.
         """
-        there = np.isfinite(poses[:, 0]) if poses is not self.poses else np.ones(0, bool)
-        if not there.all():
-            log_likelihood = np.empty(len(poses))
-            known = np.ascontiguousarray(poses[there])
-            log_likelihood[there] = self._log_likelihood(known, proposed, observation, weights)
-            own = there[: len(weights)]
-            before = weights.log[own]
-            others = None
-            if (before > -np.inf).any():
-                others = Weights.from_log(before).times(log_likelihood[: len(weights)][own])
-            log_likelihood[~there] = np.nan if others is None else others.log_mean
-            return log_likelihood
+        there = np.isfinite(poses[:, 0]) if late else np.ones(1, bool)
+        if there.all():
+            return self._asked(poses, proposed, observation)
+        log_likelihood = np.empty(len(poses))
+        log_likelihood[there] = self._asked(poses[there], proposed, observation)
+        own = there[: len(weights)]
+        before, others = weights.log[own], None
+        if (before > -np.inf).any():
+            others = Weights.from_log(before).times(log_likelihood[: len(weights)][own])
+        log_likelihood[~there] = np.nan if others is None else others.log_mean
+        return log_likelihood
+
+    def _asked(self, poses: FloatArray, proposed: int, observation: Any) -> FloatArray:
+        """Ask the sensor model and check the shape of its answer."""
         apart = getattr(self.sensor, "log_likelihood_with_proposals", None)
         if proposed and apart is not None:
             answer = apart(poses, proposed, observation)

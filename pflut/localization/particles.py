@@ -114,13 +114,15 @@ class Particles:
             effective_share=self.weights.effective_sample_size / len(self),
         )
 
-    def move(self, poses: FloatArray, odometry: FloatArray, stamp: float | None) -> None:
+    def move(
+        self, poses: FloatArray, odometry: tuple[float, float, float], stamp: float | None
+    ) -> None:
         """Take the poses after a motion, and count the way.
 
         Parameters
         ----------
         poses : ndarray of shape (N, 3)
-        odometry : ndarray of shape (3,)
+        odometry : tuple (dx, dy, dheading)
         stamp : float or None
             Seconds: when the motion ended.
         """

@@ -172,6 +172,27 @@ def plan_test_drive(
     return Drive(drive.path, drive.images[drive.images <= end])
 
 
+def apart(poses: FloatArray, spacing: float) -> list[int]:
+    """Choose poses that are so far from each other: the first one, and in their order what fits.
+
+    Parameters
+    ----------
+    poses : ndarray of shape (m, 3)
+    spacing : float
+        Metres.
+
+    Returns
+    -------
+    list of int
+        Their rows.
+    """
+    chosen: list[int] = []
+    for k, pose in enumerate(poses):
+        if not chosen or np.hypot(*(poses[chosen, :2] - pose[:2]).T).min() >= spacing:
+            chosen.append(k)
+    return chosen
+
+
 def _cost(space: FreeSpace, mood: FloatArray) -> FloatArray:
     """Give each cell's cost: near obstacles it is higher, closer than the radius infinite."""
     closeness = np.clip((COMFORT - space.clearance) / (COMFORT - RADIUS), 0.0, 1.0)

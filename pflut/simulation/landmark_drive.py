@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pflut.correspondences import Correspondences, ReferenceMatch
 from pflut.geometry import FloatArray, compose, relative_pose
 from pflut.simulation.crowd import Crowd
+from pflut.simulation.drive import apart
 from pflut.simulation.home import check_seed
 from pflut.simulation.landmark_home import LandmarkHome, Plan, landmark_home
 from pflut.simulation.landmark_images import LandmarkImages, LandmarkMatcher, expected_matches
@@ -322,14 +323,10 @@ def _matches_at_gain_one(plan: Plan, seed: int) -> tuple[float, float]:
     return float(true), float(copied)
 
 
-def _apart(poses: FloatArray, spacing: float) -> list[int]:
-    """Choose poses of a path, each at least so far from those before."""
-    chosen = [0]
-    for k in range(1, len(poses), 5):
-        offsets = poses[chosen, :2] - poses[k, :2]
-        if np.hypot(offsets[:, 0], offsets[:, 1]).min() >= spacing:
-            chosen.append(k)
-    return chosen
+def _apart(path: FloatArray, spacing: float) -> list[int]:
+    """Choose points of a path, of which every fifth is looked at, so far from each other."""
+    looked_at = [0, *range(1, len(path), 5)]
+    return [looked_at[row] for row in apart(path[looked_at], spacing)]
 
 
 def _path(
