@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 import room
+from command_line import Outcome, Run
 
+from pflut.cli import main
 from pflut.datasets import Dataset, load_folder
 from pflut.datasets.simulated_home import RENDERER_VERSION
 from pflut.features import FeatureCache
@@ -69,3 +71,24 @@ def room_home_cache(
         name = f"v{RENDERER_VERSION}-seed{seed}-people0-blur0"
         shutil.copytree(room_folder, cache / "simulated-home" / name)
     return cache
+
+
+@pytest.fixture
+def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room_home_cache: Path) -> None:
+    """No test writes into the working directory or the user's cache."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PFLUT_CACHE", str(room_home_cache))
+
+
+@pytest.fixture
+def run(capfd: pytest.CaptureFixture[str]) -> Run:
+    """Run the command line in this process."""
+
+    def call(*arguments: object) -> Outcome:
+        try:
+            code = main([str(argument) for argument in arguments])
+        except SystemExit as stop:  # argparse
+            code = int(stop.code or 0)
+        return Outcome(code, *capfd.readouterr())
+
+    return call

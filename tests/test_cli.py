@@ -12,14 +12,13 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import cv2
 import numpy as np
 import pytest
+from command_line import Outcome, Run, refused
 
 from pflut import __version__
-from pflut.cli import main
 from pflut.datasets import load_folder
 from pflut.features import FeatureExtractor, match_indices
 from pflut.likelihood import storage
@@ -33,52 +32,13 @@ NO_TABLE = "not a likelihood table of pflut, or damaged"
 FAST = ("--no-figures", "--particles", "1000", "--bins", "32")
 
 
-class Outcome(NamedTuple):
-    code: int
-    out: str
-    err: str
-
-
-Run = Callable[..., Outcome]
-
-
-@pytest.fixture(autouse=True)
-def in_a_folder_of_its_own(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room_home_cache: Path
-) -> None:
-    """No test writes into the working directory or the user's cache."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("PFLUT_CACHE", str(room_home_cache))
-
-
-@pytest.fixture
-def run(capfd: pytest.CaptureFixture) -> Run:
-    """Run the command line in this process."""
-
-    def call(*arguments: object) -> Outcome:
-        try:
-            code = main([str(argument) for argument in arguments])
-        except SystemExit as stop:  # argparse
-            code = int(stop.code or 0)
-        out, err = capfd.readouterr()
-        return Outcome(code, out, err)
-
-    return call
+pytestmark = pytest.mark.usefixtures("own_folder")
 
 
 @pytest.fixture
 def copied(room_folder: Path, tmp_path: Path) -> Path:
     """A copy of the room that a test may spoil."""
     return Path(shutil.copytree(room_folder, tmp_path / "room"))
-
-
-def refused(outcome: Outcome, *words: str) -> None:
-    """Check that bad input ended in one line that names what was wrong."""
-    assert outcome.code == 1
-    lines = outcome.err.strip().splitlines()
-    assert len(lines) == 1 and lines[0].startswith("pflut: error: "), outcome.err
-    for word in words:
-        assert word in outcome.err
 
 
 # --- replay ------------------------------------------------------------------------------------
@@ -685,7 +645,9 @@ def test_an_all_black_image_is_no_error(run: Run, copied: Path) -> None:
 
 
 @pytest.fixture
-def spoilt_tables(small_table: LikelihoodTable, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def spoilt_tables(
+    own_folder: None, small_table: LikelihoodTable, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[None]:
     small_table.save("good.npz")
     data = Path("good.npz").read_bytes()
     Path("truncated.npz").write_bytes(data[: len(data) // 2])

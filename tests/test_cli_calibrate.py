@@ -10,15 +10,7 @@ import pytest
 from pflut.cli import main
 
 SMALL = ("lut", "calibrate", "--simulate", "60", "--correspondences", "30", "--bins", "32")
-
-
-@pytest.fixture(autouse=True)
-def in_a_folder_of_its_own(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room_home_cache: Path
-) -> None:
-    """No test writes into the working directory or the user's cache."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("PFLUT_CACHE", str(room_home_cache))
+pytestmark = pytest.mark.usefixtures("own_folder")
 
 
 def test_simulated_pairs(capfd: pytest.CaptureFixture[str]) -> None:

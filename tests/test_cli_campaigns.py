@@ -6,57 +6,25 @@ import json
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
+import command_line
 import pytest
+from command_line import Outcome, Run
 
 from pflut.campaign import drives
-from pflut.cli import main
 from pflut.cli.progress import Bars
 from pflut.likelihood.dense import DenseTable
 from pflut.likelihood.table import LikelihoodTable
 
-
-class Outcome(NamedTuple):
-    code: int
-    out: str
-    err: str
-
-
-Run = Callable[..., Outcome]
+pytestmark = pytest.mark.usefixtures("own_folder")
 QUICK = ("--filter", "odometry", "--jobs", 1, "--max-images", 2, "--bins", 32, "--no-figures")
 
 
-@pytest.fixture(autouse=True)
-def in_a_folder_of_its_own(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room_home_cache: Path
-) -> None:
-    """No test writes into the working directory or the user's cache."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("PFLUT_CACHE", str(room_home_cache))
-
-
-@pytest.fixture
-def run(capfd: pytest.CaptureFixture) -> Run:
-    """Run the command line in this process."""
-
-    def call(*arguments: object) -> Outcome:
-        try:
-            code = main([str(argument) for argument in arguments])
-        except SystemExit as stop:  # argparse
-            code = int(stop.code or 0)
-        return Outcome(code, *capfd.readouterr())
-
-    return call
-
-
 def refused(outcome: Outcome, *words: str) -> None:
-    """Check that bad input ended in one line that names what was wrong."""
-    assert outcome.code == 1 and outcome.out == ""
-    lines = outcome.err.strip().splitlines()
-    assert len(lines) == 1 and lines[0].startswith("pflut: error: "), outcome.err
-    for word in words:
-        assert word in outcome.err
+    """Check that bad input ended in one line, and printed nothing before it."""
+    assert outcome.out == ""
+    command_line.refused(outcome, *words)
 
 
 def rows(outcome: Outcome) -> list[list[str]]:
