@@ -22,9 +22,17 @@ class Likelihood(Protocol):
         ...
 
     def log_likelihood_grid(
-        self, correspondences: Correspondences, bins: int | None = None
+        self,
+        correspondences: Correspondences,
+        bins: int | None = None,
+        *,
+        window: NDArray[np.int64] | None = None,
     ) -> NDArray[np.float32]:
-        """Sum log-likelihood ratios over a (bins, bins) grid of (heading_l, heading_r)."""
+        """Sum log-likelihood ratios over a (bins, bins) grid of (heading_l, heading_r).
+
+        Cells outside the ``window`` (2, 2), the first cell and how many of either heading, may hold
+        anything.
+        """
         ...
 
 

@@ -651,17 +651,19 @@ def judge(bearings, theta, phi, cutoff, shifts):
 # --- the sensor model ----------------------------------------------------------------------------
 
 
-def link(log_grid, temperature, linked):
-    """What a particle is worth at each relative pose, and at each rotation alone."""
+def linked(value, temperature, share):
+    """What a log-likelihood is worth where the pair shows one scene with a probability only."""
+    return np.logaddexp(math.log(1 - share), math.log(share) + temperature * value)
+
+
+def rotation_curve(log_grid, temperature, share):
+    """The same of the mean likelihood over the poses of each rotation."""
     bins = len(log_grid)
-    table, turns = np.empty((bins, bins)), np.empty(bins)
-    for i in range(bins):
-        for j in range(bins):
-            there = math.log(linked) + temperature * log_grid[i, j]
-            table[i, j] = np.logaddexp(math.log(1 - linked), there)
-    for k in range(bins):
-        turns[k] = np.logaddexp.reduce([table[(j + k) % bins, j] for j in range(bins)])
-    return table, turns - math.log(bins)
+    means = [
+        np.logaddexp.reduce([temperature * log_grid[(j + k) % bins, j] for j in range(bins)])
+        for k in range(bins)
+    ]
+    return linked((np.array(means) - math.log(bins)) / temperature, temperature, share)
 
 
 def bilinear(table, x, y):
@@ -675,9 +677,10 @@ def bilinear(table, x, y):
     return total
 
 
-def reference_log_likelihood(pose, reference, table, turns, near, ramp, reach):
+def reference_log_likelihood(pose, reference, grid, temperature, share, near, ramp, reach):
     """One reference's part of the log-likelihood of one particle."""
-    bins = len(table)
+    bins = len(grid)
+    turns = rotation_curve(grid, temperature, share)
     dx, dy = pose[0] - reference[0], pose[1] - reference[1]
     distance = math.hypot(dx, dy)
     if distance >= reach:
@@ -686,7 +689,8 @@ def reference_log_likelihood(pose, reference, table, turns, near, ramp, reach):
     phi = math.atan2(-dy, -dx) - pose[2]
     # the rotation alone decides where the particle stands on the reference
     psi = pose[2] - reference[2]
-    value = bilinear(table, theta * bins / (2 * math.pi) - 0.5, phi * bins / (2 * math.pi) - 0.5)
+    value = bilinear(grid, theta * bins / (2 * math.pi) - 0.5, phi * bins / (2 * math.pi) - 0.5)
+    value = linked(value, temperature, share)
     turned = bilinear(turns[:, None], (psi - math.pi) * bins / (2 * math.pi), 0.0)
     if distance < near:
         t = distance / near
@@ -1162,3 +1166,22 @@ def claim(poses, center, radius, angle, number, owners, left):
         if owners[i] < 0 and near:
             owners[i], left[i] = number, 0.0
     return owners, left
+
+
+# --- normal numbers -------------------------------------------------------------------------------
+
+
+def normals(key, first, n):
+    """Box and Muller's pairs, of splitmix64's numbers: (2, n)."""
+    out = np.empty((2, n))
+    for i in range(n):
+        z = (key + (first + i) * 0x9E3779B97F4A7C15) % 2**64
+        z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9 % 2**64
+        z = (z ^ (z >> 27)) * 0x94D049BB133111EB % 2**64
+        z ^= z >> 31
+        u = ((z >> 33) + 0.5) / 2**31
+        low = z % 2**32
+        v = (low - 2**32 if low >= 2**31 else low) / 2**32
+        radius = math.sqrt(-2 * math.log(u))
+        out[:, i] = radius * math.cos(2 * math.pi * v), radius * math.sin(2 * math.pi * v)
+    return out

@@ -215,21 +215,25 @@ def test_an_image_that_matches_nothing_is_proposed_blindly(
 
 
 def test_lost_and_kidnapped_among_references(world: World, sensor: ReferenceImageModel) -> None:
-    pf = ParticleFilter(
-        DifferentialDrive(),
-        sensor,
-        num_particles=1000,
-        min_effective_share=0.1,
-        recovery=Recovery(proposal=ReferenceProposal(sensor)),
-        rng=0,
-    )
-    # far too few particles to find anything blindly, all of them at a wrong place
-    pf.initialize_gaussian([-3.0, 2.0, 0.0], np.diag([0.01, 0.01, 0.01]))
-    for k, pose in enumerate(([1.0, 0.5, 2.0], [-2.0, -1.0, -1.0])):
-        for i in range(6):
-            estimate = pf.step(STILL, world.look(np.array(pose), 10 * k + i))
-        assert np.hypot(*(estimate.pose[:2] - pose[:2])) < 0.1
-        assert estimate.confidence > 0.9
+    errors = []
+    for seed in range(8):
+        pf = ParticleFilter(
+            DifferentialDrive(),
+            sensor,
+            num_particles=1000,
+            min_effective_share=0.1,
+            recovery=Recovery(proposal=ReferenceProposal(sensor)),
+            rng=seed,
+        )
+        # far too few particles to find anything blindly, all of them at a wrong place
+        pf.initialize_gaussian([-3.0, 2.0, 0.0], np.diag([0.01, 0.01, 0.01]))
+        for k, pose in enumerate(([1.0, 0.5, 2.0], [-2.0, -1.0, -1.0])):
+            for i in range(6):
+                estimate = pf.step(STILL, world.look(np.array(pose), 10 * k + i))
+            errors.append(np.hypot(*(estimate.pose[:2] - pose[:2])))
+            assert estimate.confidence > 0.9
+    assert np.median(errors) < 0.08
+    assert max(errors) < 0.2
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from pflut.features import Features
 from pflut.geometry import compose, wrap_to_pi
 from pflut.likelihood.table import LikelihoodTable
 from pflut.localization.reference_image_model import ReferenceImageModel
-from pflut.localization.sensor_kernels import add_reference, link
+from pflut.localization.sensor_kernels import add_reference, rotation_curve
 from pflut.reference_map import ReferenceMap
 from pflut.simulation.correspondences import CorrespondenceSimulator
 
@@ -50,64 +50,66 @@ def around(pose: np.ndarray, n: int = 4000, seed: int = 1) -> np.ndarray:
 # --- kernels --------------------------------------------------------------------------------------
 
 
-def linked(grid: np.ndarray, temperature: float, share: float) -> tuple[np.ndarray, np.ndarray]:
-    bins = len(grid)
-    table = np.empty((bins + 1, bins + 1), np.float32)
-    rotation = np.empty(bins + 1, np.float32)
-    link(grid, temperature, share, table, rotation)
-    return table, rotation
+def added(
+    poses: np.ndarray,
+    reference: np.ndarray,
+    grid: np.ndarray,
+    *,
+    temperature: float = 1.0,
+    share: float = 0.5,
+    near: float = 0.0,
+) -> np.ndarray:
+    """What a reference adds to particles, of which it fades out from 3 to 4 m."""
+    out = np.zeros(len(poses))
+    columns = np.ascontiguousarray(poses.T)
+    curve = rotation_curve(grid, temperature, share)
+    add_reference(*columns, reference, grid, temperature, share, curve, near, 3.0, 4.0, out)
+    return out
 
 
-@pytest.mark.parametrize("scale", [0.0, 1.0, 20.0])
+@pytest.mark.parametrize("scale", [0.0, 1.0, 20.0, 900.0])
 @pytest.mark.parametrize(("temperature", "share"), [(1.0, 0.5), (0.3, 0.9), (0.05, 0.01)])
-def test_link_equals_its_naive_twin(scale: float, temperature: float, share: float) -> None:
+def test_rotation_curve_equals_its_naive_twin(
+    scale: float, temperature: float, share: float
+) -> None:
     grid = (scale * np.random.default_rng(0).normal(size=(12, 12))).astype(np.float32)
-    table, rotation = linked(grid, temperature, share)
-    expected, turns = naive.link(grid, temperature, share)
-    assert table[:12, :12] == pytest.approx(expected, abs=2e-5)
-    assert rotation[:12] == pytest.approx(turns, abs=2e-5)
-    assert (table[12] == table[0]).all()
-    assert (table[:, 12] == table[:, 0]).all()
-    assert rotation[12] == rotation[0]
-
-
-@pytest.mark.parametrize("top", [59.0, 61.0, 100.0, 900.0])
-def test_link_of_very_sharp_posteriors(top: float) -> None:
-    """Beyond what an exponential holds, the rotation's mean must keep up with the table."""
-    grid = np.random.default_rng(1).normal(-50.0, 30.0, (16, 16)).astype(np.float32)
-    rows = np.arange(16)
-    grid[rows, (rows + 5) % 16] = top - rows
-    table, rotation = linked(grid, 1.0, 0.5)
-    expected, turns = naive.link(grid, 1.0, 0.5)
-    assert table[:16, :16] == pytest.approx(expected, abs=1e-3)
-    assert np.isfinite(rotation).all()
-    near = turns > turns.max() - 60
-    assert rotation[:16][near] == pytest.approx(turns[near], abs=1e-3)
-    assert (rotation[:16][~near] < rotation.max() - 30).all()
+    curve = rotation_curve(grid, temperature, share)
+    expected = naive.rotation_curve(grid, temperature, share)
+    assert curve[:12] == pytest.approx(expected, rel=1e-5, abs=2e-5)
+    assert curve[12] == curve[0]
 
 
 @pytest.mark.parametrize("n", [0, 1, 255, 256, 257, 700])
-def test_add_reference_equals_its_naive_twin(n: int) -> None:
+@pytest.mark.parametrize(("scale", "temperature", "share"), [(1.0, 1.0, 0.5), (300.0, 0.3, 0.9)])
+def test_add_reference_equals_its_naive_twin(
+    n: int, scale: float, temperature: float, share: float
+) -> None:
     rng = np.random.default_rng(2)
-    bins = 10
-    grid = rng.normal(size=(bins, bins)).astype(np.float32)
-    table, rotation = linked(grid, 1.0, 0.5)
-    plain, turns = naive.link(grid, 1.0, 0.5)
+    grid = (scale * rng.normal(size=(10, 10))).astype(np.float32)
     poses, reference = random_poses(n, 3), np.array([0.3, -0.2, 2.5])
     poses[n // 2 :, :2] *= 0.1  # near ones, too
-    out = rng.normal(size=n)
+    got = added(poses, reference, grid, temperature=temperature, share=share, near=0.5)
+    for pose, value in zip(poses, got, strict=True):
+        expected = naive.reference_log_likelihood(
+            pose, reference, grid, temperature, share, 0.5, 3.0, 4.0
+        )
+        # a cell's place is good to 1e-5
+        assert value == pytest.approx(expected, abs=1e-4 * max(1.0, temperature * scale))
+
+
+def test_add_reference_adds() -> None:
+    rng = np.random.default_rng(3)
+    grid = rng.normal(size=(10, 10)).astype(np.float32)
+    poses, reference = random_poses(300, 3), np.array([0.3, -0.2, 2.5])
+    curve, out = rotation_curve(grid, 1.0, 0.5), rng.normal(size=300)
     before = out.copy()
-    add_reference(poses, reference, table, rotation, 0.5, 3.0, 4.0, out)
-    for pose, value, start in zip(poses, out, before, strict=True):
-        expected = naive.reference_log_likelihood(pose, reference, plain, turns, 0.5, 3.0, 4.0)
-        assert value - start == pytest.approx(expected, abs=1e-4)
+    add_reference(*poses.T.copy(), reference, grid, 1.0, 0.5, curve, 0.0, 3.0, 4.0, out)
+    assert out - before == pytest.approx(added(poses, reference, grid), abs=1e-12)
 
 
 def test_add_reference_wraps_around() -> None:
-    """Both sides of every seam: the atan2's, the headings', the table's own."""
-    rng = np.random.default_rng(4)
-    bins = 8
-    table, rotation = linked(rng.normal(size=(bins, bins)).astype(np.float32), 1.0, 0.5)
+    """Both sides of every seam: the atan2's, the headings', the grid's own."""
+    grid = np.random.default_rng(4).normal(size=(8, 8)).astype(np.float32)
     eps = 1e-9
     reference = np.array([0.0, 0.0, 0.0])
     cases = []
@@ -119,28 +121,23 @@ def test_add_reference_wraps_around() -> None:
                 [np.cos(angle + eps), np.sin(angle + eps), heading + eps],
             ]
     poses = np.array(cases)
-    out = np.zeros(len(poses))
-    add_reference(poses, reference, table, rotation, 0.0, 3.0, 4.0, out)
-    assert np.abs(out[::2] - out[1::2]).max() < 1e-6
+    out = added(poses, reference, grid)
+    assert np.abs(out[::2] - out[1::2]).max() < 2e-5
     turned = poses + np.array([0.0, 0.0, 4 * np.pi])
-    again = np.zeros(len(poses))
-    add_reference(turned, reference, table, rotation, 0.0, 3.0, 4.0, again)
-    assert again == pytest.approx(out, abs=1e-6)
+    assert added(turned, reference, grid) == pytest.approx(out, abs=2e-5)
 
 
 def test_cell_centres_give_the_cells_own_values() -> None:
     bins = 16
     grid = np.random.default_rng(5).normal(size=(bins, bins)).astype(np.float32)
-    table, rotation = linked(grid, 1.0, 0.5)
     centers = (np.arange(bins) + 0.5) * 2 * np.pi / bins
     reference = np.array([1.0, 2.0, 0.7])
     for i, theta in enumerate(centers):
         direction = theta + reference[2]
         x, y = reference[0] + np.cos(direction), reference[1] + np.sin(direction)
         poses = np.array([[x, y, direction + np.pi - phi] for phi in centers])
-        out = np.zeros(bins)
-        add_reference(poses, reference, table, rotation, 0.0, 3.0, 4.0, out)
-        assert out == pytest.approx(table[i, :bins], abs=1e-4)
+        expected = naive.linked(grid[i].astype(float), 1.0, 0.5)
+        assert added(poses, reference, grid) == pytest.approx(expected, abs=1e-4)
 
 
 # --- what is undefined ----------------------------------------------------------------------------
@@ -194,20 +191,20 @@ def test_a_particle_on_a_reference(model: ReferenceImageModel, world: World) -> 
 def test_no_step_around_a_reference(default_table: LikelihoodTable, world: World) -> None:
     """Standing on a reference is no worse than standing at the edge of its near range.
 
-    Also where the posterior is so sharp that its exponentials must be bounded.
+    Also where the posterior is so sharp that its exponentials do not fit a number.
     """
     one = world.map(REFERENCES[:1])
     for temperature in (0.3, 1.0):
         sensor = ReferenceImageModel(one, default_table, temperature=temperature, max_range=5.0)
         match = ReferenceMatch(0, turn_on_the_spot(0.4, 400, 0))
-        angle = np.linspace(0, 2 * np.pi, 72, endpoint=False)
+        angle = np.linspace(0, 2 * np.pi, 720, endpoint=False)
         rows = []
         for distance in (0.0, 0.05, 0.15, 0.29, 0.31):
             poses = np.column_stack(
                 [
                     REFERENCES[0, 0] + distance * np.cos(angle),
                     REFERENCES[0, 1] + distance * np.sin(angle),
-                    np.full(72, REFERENCES[0, 2] + 0.4),
+                    np.full(720, REFERENCES[0, 2] + 0.4),
                 ]
             )
             rows.append(sensor.log_likelihood_of_matches(poses, [match]))

@@ -543,3 +543,16 @@ print(*grid.ravel(), *estimate)
         assert done.returncode == 0, done.stderr
         printed.append([float(word) for word in done.stdout.split()])
     assert printed[0] == pytest.approx(printed[1], abs=1e-3)
+
+
+@pytest.mark.parametrize("bins", [16, 20, 63, 64, 192])
+def test_a_window_of_the_grid_is_the_grid_there(default_table: LikelihoodTable, bins: int) -> None:
+    rng = np.random.default_rng(0)
+    for c in (simulated(100, 3), simulated(8, 4), Correspondences.empty()):
+        grid = default_table.log_likelihood_grid(c, bins)
+        for _ in range(20):
+            first, count = rng.integers(bins, size=2), rng.integers(1, bins + 1, size=2)
+            window = np.stack([first, count], axis=1)
+            part = default_table.log_likelihood_grid(c, bins, window=window)
+            cells = np.ix_(*((f + np.arange(n)) % bins for f, n in window))
+            assert (part[cells] == grid[cells]).all()

@@ -81,7 +81,11 @@ class DenseTable:
         return np.ascontiguousarray(np.stack([self.log_ratio, self.log_ratio.transpose(0, 2, 1)]))
 
     def log_likelihood_grid(
-        self, correspondences: Correspondences, bins: int | None = None
+        self,
+        correspondences: Correspondences,
+        bins: int | None = None,
+        *,
+        window: NDArray[np.int64] | None = None,
     ) -> NDArray[np.float32]:
         """Sum the correspondences' log-likelihood ratios over the grid of poses (Algorithm 1).
 
@@ -90,6 +94,8 @@ class DenseTable:
         correspondences : Correspondences
         bins : int, optional
             Cells an axis, which must be the table's own.
+        window : ndarray of shape (2, 2), int64, optional
+            See `LikelihoodTable.log_likelihood_grid`; all cells are computed anyway.
 
         Returns
         -------

@@ -160,8 +160,8 @@ def _line(columns, i, bins, line):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _crossings(line, turns, noise, rows, crossings):  # type: ignore[no-untyped-def]
-    """Find where the acute branch crosses the first ``rows`` of the grid; vectorised.
+def _crossings(line, first, last, turns, noise, crossings):  # type: ignore[no-untyped-def]
+    """Find where the acute branch crosses the rows from ``first`` to ``last``; vectorised.
 
     Where the residual between this branch and the obtuse one is less than ``noise``, one ridge
     serves both, in their middle: v is a quarter of a turn. ``line`` of `_line`, ``turns`` of
@@ -175,7 +175,8 @@ def _crossings(line, turns, noise, rows, crossings):  # type: ignore[no-untyped-
     r, height = p / q, abs(q)
     constant = p * p + q * q + np.float32(1e-20)
     sines, cosines = turns[0], turns[1]
-    for i in range(rows):
+    for row in range(first, last):
+        i = np.uintp(row)
         sin_u = sines[i] * cosine - cosines[i] * sine
         sin_v = -r * sin_u
         x = min(abs(sin_v), one)
@@ -309,19 +310,25 @@ def _stamp(addresses, first, last, shape, shift, ridges, plane, stride):  # type
 
 
 @inline
-def _add_ridge(line, r, shape, shift, ridges, crossings, bits, addresses, plane, stride):  # type: ignore[no-untyped-def]
+def _add_ridge(  # type: ignore[no-untyped-def]
+    line, r, shape, shift, ridges, rows, halves, crossings, bits, addresses, plane, stride
+):
     """Add a correspondence's ridge to the plane of its near view.
 
-    ``line`` and ``r`` of `_line`, ``shift`` of the levels; ``crossings`` with its ``bits`` and
-    ``addresses`` are memory to work in.
+    ``line`` and ``r`` of `_line`, ``shift`` of the levels, ``rows`` of `_intervals` and ``halves``
+    the same of half a turn; ``crossings`` with its ``bits`` and ``addresses`` are memory to work
+    in.
     """
     bins = ridges.turns.shape[1]
     half, base, extent = addresses.size // 2, ridges.bases[shape], ridges.extent
     noise = ridges.noise if r >= 0.0 else np.float32(0.0)
     side = np.float32(1.0) if r >= 0.0 else np.float32(0.0)
-    _crossings(line, ridges.turns, noise, half, crossings)
-    _addresses(line, 0, half, half, side, base, extent, crossings, bits, addresses)
-    _stamp(addresses, 0, bins, shape, shift, ridges, plane, stride)
+    for part in range(2):
+        start, end = halves[part, 0], halves[part, 1]
+        _crossings(line, start, end, ridges.turns, noise, crossings)
+        _addresses(line, start, end, half, side, base, extent, crossings, bits, addresses)
+    for part in range(2):
+        _stamp(addresses, rows[part, 0], rows[part, 1], shape, shift, ridges, plane, stride)
     if not r >= 0.0:
         return
     # the obtuse branch: its lines of sight diverge by (1 - r) |u| at least, but its ridge is wide
@@ -335,54 +342,91 @@ def _add_ridge(line, r, shape, shift, ridges, crossings, bits, addresses, plane,
         # rows that are in the same half of the grid, or in the grid
         row = piece * half % bins
         first, last = max(low - piece * half, 0), min(high - piece * half, half)
+        meets = False
+        for part in range(2):
+            meets |= max(row + first, rows[part, 0]) < min(row + last, rows[part, 1])
+        if not meets:
+            continue
         start = first - first % LANES
         end = min(last + LANES - 1 - (last - 1) % LANES, half)
         _addresses(line, start, end, half, -side, base, extent, crossings, bits, addresses)
-        _stamp(addresses, row + first, row + last, shape, shift, ridges, plane, stride)
+        for part in range(2):
+            top, bottom = max(row + first, rows[part, 0]), min(row + last, rows[part, 1])
+            _stamp(addresses, top, bottom, shape, shift, ridges, plane, stride)
 
 
 @jit
-def _fold(plane, bins, stride):  # type: ignore[no-untyped-def]
-    """Add the columns beyond both ends of each row where they belong on the circle."""
-    for row in range(bins):
-        first = row * stride + LEFT
-        if bins >= LEFT:
-            for j in range(0, LEFT, LANES):
-                add_lanes(plane, first + bins - LEFT + j, plane, first - LEFT + j)
-                add_lanes(plane, first + j, plane, first + bins + j)
-        else:
-            for j in range(LEFT):
-                plane[first + (-1 - j) % bins] += plane[first - 1 - j]
-                plane[first + j % bins] += plane[first + bins + j]
+def _intervals(first, count, bins, rows):  # type: ignore[no-untyped-def]
+    """Write as intervals the ``count`` rows from ``first`` on, around the circle: ``rows`` (2, 2).
+
+    What is beyond the grid's last row is the second one, from its first row on. Where less than two
+    registers' rows are left out, all are in.
+    """
+    if count > bins - 2 * HALF:
+        first, count = 0, bins
+    rows[0, 0], rows[0, 1] = first, min(first + count, bins)
+    rows[1, 0], rows[1, 1] = 0, max(first + count - bins, 0)
 
 
 @jit
-def _join(plane, bins, stride, transposed, out):  # type: ignore[no-untyped-def]
-    """Add a folded plane to ``out`` (B * B,), in nats, as it is or transposed."""
+def _fold(plane, rows, bins, stride):  # type: ignore[no-untyped-def]
+    """Add the columns beyond both ends of the rows where they belong on the circle."""
+    for part in range(2):
+        for row in range(rows[part, 0], rows[part, 1]):
+            first = row * stride + LEFT
+            if bins >= LEFT:
+                for j in range(0, LEFT, LANES):
+                    add_lanes(plane, first + bins - LEFT + j, plane, first - LEFT + j)
+                    add_lanes(plane, first + j, plane, first + bins + j)
+            else:
+                for j in range(LEFT):
+                    plane[first + (-1 - j) % bins] += plane[first - 1 - j]
+                    plane[first + j % bins] += plane[first + bins + j]
+
+
+@jit
+def _join(plane, rows, columns, bins, stride, transposed, out):  # type: ignore[no-untyped-def]
+    """Add a folded plane to ``out`` (B * B,), in nats, as it is or transposed.
+
+    Of its ``rows`` and ``columns``, and of what lies beside them in a register.
+    """
     whole, unit = bins - bins % HALF, np.float32(NATS)
-    if transposed:
-        for j in range(0, whole, HALF):
-            for i in range(0, whole, HALF):
-                add_transposed(out, j * bins + i, bins, plane, i * stride + LEFT + j, stride, unit)
-        for j in range(bins):
-            for i in range(whole if j < whole else 0, bins):
-                out[j * bins + i] += unit * np.float32(plane[i * stride + LEFT + j])
-    else:
-        for i in range(bins):
-            row, first = i * bins, i * stride + LEFT
-            for j in range(0, whole, HALF):
-                add_scaled(out, row + j, plane, first + j, unit)
-            for j in range(whole, bins):
-                out[row + j] += unit * np.float32(plane[first + j])
+    for part in range(4):
+        top, bottom = rows[part // 2, 0], rows[part // 2, 1]
+        left, right = columns[part % 2, 0], columns[part % 2, 1]
+        if top >= bottom or left >= right:
+            continue
+        left -= left % HALF
+        edge = min(right + -right % HALF, whole)
+        if transposed:
+            top -= top % HALF
+            bottom = min(bottom + -bottom % HALF, bins)
+            for j in range(left, edge, HALF):
+                for i in range(top, min(bottom, whole), HALF):
+                    add_transposed(
+                        out, j * bins + i, bins, plane, i * stride + LEFT + j, stride, unit
+                    )
+            for j in range(left, right):
+                for i in range(max(top, whole) if j < whole else top, bottom):
+                    out[j * bins + i] += unit * np.float32(plane[i * stride + LEFT + j])
+        else:
+            for i in range(top, bottom):
+                row, first = i * bins, i * stride + LEFT
+                for j in range(left, edge, HALF):
+                    add_scaled(out, row + j, plane, first + j, unit)
+                for j in range(max(left, whole), right):
+                    out[row + j] += unit * np.float32(plane[first + j])
 
 
 @jit
-def ridge_grid(columns, shapes, odds, first, last, ridges, out):  # type: ignore[no-untyped-def]
+def ridge_grid(columns, shapes, odds, first, last, ridges, window, out):  # type: ignore[no-untyped-def]
     """Compute the log-likelihood ratio of one pair over the grid of poses: O(n B).
 
     ``columns`` (8, n) sines and cosines of azimuth_l, elevation_l, azimuth_r, elevation_r,
     ``shapes`` (n,) of `shape_cells`, ``odds`` (n,) of being a true match, of which those from
-    ``first`` to ``last`` are the pair's; ``ridges`` `RidgeArrays`. ``out`` (B * B,) float32.
+    ``first`` to ``last`` are the pair's; ``ridges`` `RidgeArrays`; ``window`` (2, 2) the first
+    cell and the number of cells of either heading that are asked for. ``out`` (B * B,) float32, in
+    which outside the window there may be anything.
     """
     n, bins = last - first, ridges.turns.shape[1]
     lines, ratios = np.empty((n, 8), np.float32), np.empty(n)
@@ -401,15 +445,21 @@ def ridge_grid(columns, shapes, odds, first, last, ridges, out):  # type: ignore
         shifts[i] = shift
         if highest + shift < 0 or ratios[i] != ratios[i]:
             views[i] = -1
-    out[:] = constant
     # half a turn farther on a curve is mirrored
     half = bins // 2 if bins % 2 == 0 else bins
     stride = bins + PAD
     crossings, addresses = np.empty((4, half), np.float32), np.empty(2 * half, np.int32)
     bits = crossings.view(np.int32)
     plane = np.empty(bins * stride, np.uint16)
+    windows, halves = np.empty((2, 2, 2), np.int64), np.empty((2, 2), np.int64)
+    for view in range(2):
+        _intervals(window[view, 0], window[view, 1], bins, windows[view])
+    for part in range(2):
+        out[windows[0, part, 0] * bins : windows[0, part, 1] * bins] = constant
     for view in range(2):
         load = 0
+        rows, others = windows[view], windows[1 - view]
+        _intervals(window[view, 0] % half, min(window[view, 1], half), half, halves)
         for i in range(n):
             if views[i] != view:
                 continue
@@ -418,11 +468,12 @@ def ridge_grid(columns, shapes, odds, first, last, ridges, out):  # type: ignore
             level = min(ridges.highest[shape] + shifts[i], NUM_LEVELS - 1)
             peak = 2 * ridges.peaks[level] * (1 + (BLOCKS * LANES - 1) // bins)
             if load + peak > FULL:
-                _fold(plane, bins, stride)
-                _join(plane, bins, stride, view == 1, out)
+                _fold(plane, rows, bins, stride)
+                _join(plane, rows, others, bins, stride, view == 1, out)
                 load = 0
             if load == 0:
-                plane[:] = 0
+                for part in range(2):
+                    plane[rows[part, 0] * stride : rows[part, 1] * stride] = 0
             load += peak
             _add_ridge(
                 lines[i],
@@ -430,6 +481,8 @@ def ridge_grid(columns, shapes, odds, first, last, ridges, out):  # type: ignore
                 shape,
                 shifts[i],
                 ridges,
+                rows,
+                halves,
                 crossings,
                 bits,
                 addresses,
@@ -437,8 +490,8 @@ def ridge_grid(columns, shapes, odds, first, last, ridges, out):  # type: ignore
                 stride,
             )
         if load > 0:
-            _fold(plane, bins, stride)
-            _join(plane, bins, stride, view == 1, out)
+            _fold(plane, rows, bins, stride)
+            _join(plane, rows, others, bins, stride, view == 1, out)
 
 
 @inline
@@ -540,9 +593,10 @@ def ridge_candidates(columns, shapes, odds, first, margin, ridges, found, out): 
     bins = ridges.turns.shape[1]
     cell = TWO_PI / bins
     grid = np.empty(bins * bins, np.float32)
+    whole = np.array([[0, bins], [0, bins]])
     total = 0
     for k in range(first.size - 1):
-        ridge_grid(columns, shapes, odds, first[k], first[k + 1], ridges, grid)
+        ridge_grid(columns, shapes, odds, first[k], first[k + 1], ridges, whole, grid)
         evidence[k] = _log_mean_exp(grid)
         count = _maxima(grid, bins, margin, found)
         if count == 0:

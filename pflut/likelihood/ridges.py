@@ -72,7 +72,11 @@ class Ridges:
     arrays: RidgeArrays
 
     def grid(
-        self, columns: FloatArray, shapes: NDArray[np.int64], odds: FloatArray
+        self,
+        columns: FloatArray,
+        shapes: NDArray[np.int64],
+        odds: FloatArray,
+        window: NDArray[np.int64] | None = None,
     ) -> NDArray[np.float32]:
         """Sum correspondences' log-likelihood ratios over the grid of poses.
 
@@ -83,14 +87,19 @@ class Ridges:
         shapes : ndarray of shape (n,), int64
         odds : ndarray of shape (n,)
             True match to mismatch.
+        window : ndarray of shape (2, 2), int64, optional
+            The first cell, and how many, of heading_l and of heading_r: the others are not asked
+            for.
 
         Returns
         -------
         ndarray of shape (bins, bins), float32
             Over (heading_l, heading_r).
         """
+        if window is None:
+            window = np.array([[0, self.bins], [0, self.bins]])
         out = np.empty(self.bins * self.bins, np.float32)
-        ridge_grid(columns, shapes, odds, 0, len(odds), self.arrays, out)
+        ridge_grid(columns, shapes, odds, 0, len(odds), self.arrays, window, out)
         return out.reshape(self.bins, self.bins)
 
     def candidates(

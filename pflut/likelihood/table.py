@@ -225,7 +225,11 @@ class LikelihoodTable:
         return odds
 
     def log_likelihood_grid(
-        self, correspondences: Correspondences, bins: int | None = None
+        self,
+        correspondences: Correspondences,
+        bins: int | None = None,
+        *,
+        window: NDArray[np.int64] | None = None,
     ) -> NDArray[np.float32]:
         """Sum the correspondences' log-likelihood ratios over the grid of poses.
 
@@ -236,6 +240,9 @@ class LikelihoodTable:
         correspondences : Correspondences
         bins : int, optional
             Cells an axis; default: the table's own.
+        window : ndarray of shape (2, 2), int64, optional
+            The first cell, in [0, B), and how many, at most B, of heading_l and of heading_r,
+            around the circle: the others may hold anything, and cost little.
 
         Returns
         -------
@@ -244,7 +251,8 @@ class LikelihoodTable:
             ((i + 1/2) 2 pi / B, (j + 1/2) 2 pi / B). Zero everywhere without correspondences.
         """
         columns = bearing_columns(correspondences)
-        return self.ridges(bins).grid(columns, self.shapes(columns), self.odds(correspondences))
+        odds = self.odds(correspondences)
+        return self.ridges(bins).grid(columns, self.shapes(columns), odds, window)
 
     def log_likelihood(self, correspondences: Correspondences, headings: ArrayLike) -> FloatArray:
         """Compute the log-likelihood ratio at poses, with no grid.

@@ -30,7 +30,7 @@ WINDOW_RADIUS = 1.0
 WINDOW_ANGLE = np.deg2rad(30.0)
 MAX_PASSES = 12
 # so many particles suffice to find it
-MAX_LOOKED_AT = 8192
+MAX_LOOKED_AT = 2048
 # what holds less of the weight is no cluster but a chance neighbourhood of a lost robot
 SMALLEST_CLUSTER = 0.05
 
@@ -153,6 +153,23 @@ def _moments(
 
 
 @jit
+def _mass(
+    poses: FloatArray, weights: FloatArray, center: FloatArray, radius: float, angle: float
+) -> float:
+    """Sum the weights of the poses in a window: O(N)."""
+    center_x, center_y, center_h = center[0], center[1], center[2]
+    radius2 = radius * radius
+    mass = 0.0
+    for i in range(poses.shape[0]):
+        x = poses[i, 0] - center_x
+        y = poses[i, 1] - center_y
+        h = poses[i, 2] - center_h
+        h -= TWO_PI * np.rint(h * (1.0 / TWO_PI))
+        mass += weights[i] if (x * x + y * y <= radius2) & (abs(h) <= angle) else 0.0
+    return mass
+
+
+@jit
 def _mean(poses: FloatArray, weights: FloatArray, out: FloatArray) -> None:
     """Write the weighted mean of all, the heading's by its sine and cosine: O(N)."""
     x, y, sin, cos = 0.0, 0.0, 0.0, 0.0
@@ -208,6 +225,36 @@ def _vote(
             out[0] = left + (x - 0.5) * cell
             out[1] = bottom + (y - 0.5) * cell
             out[2] = (h + 0.5) * TWO_PI / cells_of_heading
+
+
+@jit
+def _settle(poses: FloatArray, weights: FloatArray, center: FloatArray, window: FloatArray) -> None:
+    """Shift a window to the mean of what it holds, let it grow to its spread, until it rests.
+
+    ``center`` (3,) and ``window`` (2,), its radius and angle, are changed.
+    """
+    sums, total = np.empty((4, 4)), 0.0
+    for i in range(weights.shape[0]):
+        total += weights[i]
+    for _ in range(MAX_PASSES):
+        _moments(poses, weights, center, window[0], window[1], sums)
+        share = sums[0, 0]
+        if share <= 0.0:
+            break
+        farthest = 0.0
+        for k in range(3):
+            farthest = max(farthest, abs(sums[0, k + 1] / share))
+            center[k] += sums[0, k + 1] / share
+        rests = farthest < 1e-3
+        if share >= SMALLEST_CLUSTER * total:
+            x, y, h = sums[0, 1] / share, sums[0, 2] / share, sums[0, 3] / share
+            variance = max(sums[1, 1] / share - x * x, sums[2, 2] / share - y * y)
+            radius = 3.0 * np.sqrt(max(variance, 0.0))
+            angle = min(3.0 * np.sqrt(max(sums[3, 3] / share - h * h, 0.0)), np.pi)
+            rests = rests and radius <= 1.05 * window[0] and angle <= 1.05 * window[1]
+            window[0], window[1] = max(window[0], radius), max(window[1], angle)
+        if rests:
+            break
 
 
 def _heaviest_cell(poses: FloatArray, weights: FloatArray) -> FloatArray:
@@ -277,25 +324,16 @@ def heaviest_cluster(poses: FloatArray, weights: FloatArray) -> Cluster:
         >= 0, not all zero, their sum at most one.
     """
     stride = -(-len(poses) // MAX_LOOKED_AT)
-    some = np.ascontiguousarray(weights[::stride])
-    if stride > 1 and some.any():
+    seen, some = poses, weights
+    if stride > 1 and weights[::stride].any():
         # the window is found with some of very many, what it holds with all
-        rough = heaviest_cluster(np.ascontiguousarray(poses[::stride]), some)
-        share, mean, covariance = _window(poses, weights, rough.pose, rough.radius, rough.angle)
-        return Cluster(share, mean, covariance, rough.radius, rough.angle)
-    center, total = _heaviest_cell(poses, weights), float(weights.sum())
-    radius, angle = WINDOW_RADIUS, WINDOW_ANGLE
-    for _ in range(MAX_PASSES):
-        share, mean, covariance = _window(poses, weights, center, radius, angle)
-        rests = float(np.abs(mean - center).max()) < 1e-3
-        center = mean
-        if share >= SMALLEST_CLUSTER * total:
-            held = 3.0 * np.sqrt(covariance.diagonal())
-            wanted_radius, wanted_angle = float(max(held[0], held[1])), min(float(held[2]), np.pi)
-            rests = rests and wanted_radius <= 1.05 * radius and wanted_angle <= 1.05 * angle
-            radius, angle = max(radius, wanted_radius), max(angle, wanted_angle)
-        if rests:
-            break
+        seen = np.ascontiguousarray(poses[::stride])
+        some = np.ascontiguousarray(weights[::stride])
+    center = _heaviest_cell(seen, some)
+    window = np.array([WINDOW_RADIUS, WINDOW_ANGLE])
+    _settle(seen, some, center, window)
+    radius, angle = window.tolist()
+    share, mean, covariance = _window(poses, weights, center, radius, angle)
     return Cluster(share, mean, covariance, radius, angle)
 
 
@@ -315,8 +353,7 @@ def mass_near(poses: FloatArray, weights: FloatArray, pose: FloatArray) -> float
     float
         In [0, 1].
     """
-    share, _, _ = _window(poses, weights, pose, CONFIDENCE_RADIUS, CONFIDENCE_ANGLE)
-    return min(share, 1.0)
+    return min(float(_mass(poses, weights, pose, CONFIDENCE_RADIUS, CONFIDENCE_ANGLE)), 1.0)
 
 
 def summarize(poses: FloatArray, weights: Weights, *, method: str = "cluster") -> Estimate:
@@ -335,23 +372,24 @@ def summarize(poses: FloatArray, weights: Weights, *, method: str = "cluster") -
     -------
     Estimate
     """
+    shares = np.ascontiguousarray(weights.linear)
     if method == "cluster":
-        share, pose, covariance, _, _ = heaviest_cluster(poses, weights.linear)
+        share, pose, covariance, _, _ = heaviest_cluster(poses, shares)
         if share < SMALLEST_CLUSTER:  # lost: it may be anywhere
-            _, mean, covariance = _window(poses, weights.linear, pose, np.inf, np.inf)
+            _, mean, covariance = _window(poses, shares, pose, np.inf, np.inf)
             offset = mean - pose
             covariance = covariance + offset[:, None] * offset
     elif method == "mean":
         pose = np.empty(3)
-        _mean(poses, weights.linear, pose)
-        share, _, covariance = _window(poses, weights.linear, pose, np.inf, np.inf)
+        _mean(poses, shares, pose)
+        share, _, covariance = _window(poses, shares, pose, np.inf, np.inf)
     else:
         raise ValueError(f"method: expected one of {METHODS}, got {method!r}")
     pose[2] = wrap_to_pi(pose[2])
     return Estimate(
         pose=pose,
         covariance=covariance,
-        confidence=mass_near(poses, weights.linear, pose),
+        confidence=mass_near(poses, shares, pose),
         cluster_weight=min(share, 1.0),
         effective_sample_size=weights.effective_sample_size,
         num_particles=len(weights),

@@ -9,9 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pflut._jit import jit
+from pflut._random import normals
 from pflut.geometry import TWO_PI, FloatArray, as_poses, wrap_to_pi
 
 HALF_PI = 0.5 * np.pi
+BLOCK = 512
+"""Poses at a time, whose normal numbers stay in the first cache."""
+SingleArray = NDArray[np.float32]
 
 
 class MotionModel(Protocol):
@@ -41,10 +45,10 @@ class MotionModel(Protocol):
 @jit
 def _move(
     poses: FloatArray,
-    direction_normals: FloatArray,
-    along_normals: FloatArray,
-    lateral_normals: FloatArray,
-    heading_normals: FloatArray,
+    direction_normals: SingleArray,
+    along_normals: SingleArray,
+    lateral_normals: SingleArray,
+    heading_normals: SingleArray,
     motion: FloatArray,
     stds: FloatArray,
     out: FloatArray,
@@ -88,6 +92,24 @@ def _move(
         out[i, 2] = heading if (heading > -np.pi) & (heading <= np.pi) else wrapped
 
 
+@jit
+def _sample(
+    poses: FloatArray, key: np.uint64, motion: FloatArray, stds: FloatArray, out: FloatArray
+) -> None:
+    """Move each pose as `_move` does, with normal numbers of the key's sequence: O(N)."""
+    count = poses.shape[0]
+    work, drawn = np.empty((4, BLOCK), np.float32), np.empty((4, BLOCK), np.float32)
+    bits = work.view(np.int32)
+    for first in range(0, count, BLOCK):
+        last = min(first + BLOCK, count)
+        # whole blocks, which are contiguous; of the last one the rest is not used
+        normals(key, first, work, bits, drawn[0], drawn[1])
+        normals(key, count + first, work, bits, drawn[2], drawn[3])
+        _move(
+            poses[first:last], drawn[0], drawn[1], drawn[2], drawn[3], motion, stds, out[first:last]
+        )
+
+
 def as_odometry(odometry: ArrayLike) -> tuple[float, float, float]:
     """Check an odometry increment and give its three numbers."""
     motion = np.asarray(odometry, dtype=np.float64)
@@ -122,18 +144,13 @@ class Increment:
     rotation: float
     variances: tuple[float, float, float, float]
 
-    def sample(
-        self, poses: ArrayLike, normals: NDArray[np.float64], rows: tuple[int, int, int, int]
-    ) -> FloatArray:
+    def sample(self, poses: ArrayLike, rng: np.random.Generator | int | None = None) -> FloatArray:
         """Move poses by it, each with noise of its own.
 
         Parameters
         ----------
         poses : array_like of shape (N, 3)
-        normals : ndarray of shape (k, N)
-            Standard normal numbers.
-        rows : tuple of 4 ints
-            Which of them serve which noise: what has no variance takes any.
+        rng : numpy.random.Generator or int, optional
 
         Returns
         -------
@@ -141,10 +158,10 @@ class Increment:
             Headings in (-pi, pi].
         """
         particles = as_poses(poses)
+        key = np.random.default_rng(rng).integers(2**64, dtype=np.uint64)
         out = np.empty_like(particles)
-        a, b, c, d = (normals[row] for row in rows)
         motion = np.array([self.direction, self.translation, self.rotation])
-        _move(particles, a, b, c, d, motion, np.sqrt(np.array(self.variances)), out)
+        _sample(particles, key, motion, np.sqrt(np.array(self.variances)), out)
         return out
 
     def linearized(self, pose: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -256,11 +273,7 @@ class DifferentialDrive:
         ValueError
             If the poses or the odometry have another shape or are not finite.
         """
-        increment = self.increment(odometry)
-        # without a floor nothing moves sideways, and its normals need not be drawn
-        rows = (0, 1, 3, 2) if self.position_noise > 0.0 else (0, 1, 1, 2)
-        normals = np.random.default_rng(rng).standard_normal((max(rows) + 1, _count(poses)))
-        return increment.sample(poses, normals, rows)
+        return self.increment(odometry).sample(poses, rng)
 
     def increment(self, odometry: ArrayLike) -> Increment:
         """Split an odometry increment and give each part its noise.
@@ -370,9 +383,7 @@ class Omnidirectional:
         ValueError
             If the poses or the odometry have another shape or are not finite.
         """
-        increment = self.increment(odometry)
-        normals = np.random.default_rng(rng).standard_normal((3, _count(poses)))
-        return increment.sample(poses, normals, (0, 0, 1, 2))
+        return self.increment(odometry).sample(poses, rng)
 
     def increment(self, odometry: ArrayLike) -> Increment:
         """Split an odometry increment and give each part its noise.
@@ -405,11 +416,6 @@ class Omnidirectional:
             + self.heading_noise**2,
         )
         return Increment(direction, translation, rotation, variances)
-
-
-def _count(poses: ArrayLike) -> int:
-    """Count poses given as (N, 3) or as one (3,)."""
-    return len(np.atleast_2d(np.asarray(poses)))
 
 
 def _from_zero(angle: float) -> float:

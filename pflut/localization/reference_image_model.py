@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from pflut.correspondences import Correspondences, ReferenceMatch
 from pflut.features import Features, match_many
 from pflut.geometry import FloatArray, as_poses
-from pflut.localization.sensor_kernels import add_reference, link
+from pflut.localization.pose_box import PoseBox
+from pflut.localization.sensor_kernels import CHUNK, add_reference, rotation_curve
 from pflut.posterior import Likelihood, check_temperature
 from pflut.reference_map import NO_FEATURES, ReferenceMap
 
@@ -258,22 +259,26 @@ class ReferenceImageModel:
         """
         checked = as_poses(poses)
         total = np.zeros(len(checked))
-        bins = self.likelihood.bins
-        table = np.empty((bins + 1, bins + 1), np.float32)
-        rotation = np.empty(bins + 1, np.float32)
-        for match in matches:
-            grid = self.likelihood.log_likelihood_grid(match.correspondences)
-            link(grid, self.temperature, self.link_probability, table, rotation)
-            add_reference(
-                checked,
-                self.reference_map.poses[match.index],
-                table,
-                rotation,
-                self.near_range,
-                0.75 * self.max_range,
-                self.max_range,
-                total,
-            )
+        if not len(checked) or not matches:
+            return total
+        bins, share = self.likelihood.bins, (self.temperature, self.link_probability)
+        references = self.reference_map.poses[[match.index for match in matches]]
+        box = PoseBox.around(checked)
+        windows = box.windows(references, bins)
+        # where a particle stands on the reference, all poses of a rotation count
+        near = box.distances(references) < self.near_range
+        windows[near] = [0, bins]
+        nowhere = np.full(bins + 1, np.nan)
+        grids, rotations = [], []
+        for match, window, close in zip(matches, windows, near, strict=True):
+            grids.append(self.likelihood.log_likelihood_grid(match.correspondences, window=window))
+            rotations.append(rotation_curve(grids[-1], *share) if close else nowhere)
+        fade = self.near_range, 0.75 * self.max_range, self.max_range
+        for first in range(0, len(checked), CHUNK):
+            x, y, heading = np.ascontiguousarray(checked[first : first + CHUNK].T)
+            part = total[first : first + CHUNK]
+            for reference, grid, rotation in zip(references, grids, rotations, strict=True):
+                add_reference(x, y, heading, reference, grid, *share, rotation, *fade, part)
         return total
 
     def _matched(

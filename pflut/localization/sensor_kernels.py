@@ -6,23 +6,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pflut._jit import jit
-from pflut._trig import fast_arctan2
-from pflut.geometry import TWO_PI
+from pflut.geometry import TWO_PI, FloatArray
 
-LARGEST = 60.0
-"""Beyond e^60 the floor has no part in the sum any more; float32 overflows at e^88."""
+BLOCK = 256
+"""Poses at a time: what is known of them stays in the first cache."""
+CHUNK = 32 * BLOCK
+"""Poses for one reference after the other: they stay in the second cache."""
+LARGEST = 24.0
+"""Nats from which on a softplus is a straight line, for a float32."""
 
 
-def link(
-    grid: NDArray[np.float32],
-    temperature: float,
-    linked: float,
-    table: NDArray[np.float32],
-    rotation: NDArray[np.float32],
-) -> None:
-    """Turn a pair's log-likelihood grid into what a particle is worth at each relative pose.
+def rotation_curve(grid: NDArray[np.float32], temperature: float, linked: float) -> FloatArray:
+    """Say what a particle that stands on the reference is worth at each rotation.
 
-    NumPy, whose float32 `exp` and `log` are vectorised where a kernel's are not.
+    NumPy: of few pairs in an image it is needed.
 
     Parameters
     ----------
@@ -30,108 +27,124 @@ def link(
         Log-likelihood ratios.
     temperature, linked : float
         Factor on them; prior probability that the pair shows one scene.
-    table : ndarray of shape (B + 1, B + 1), out
-        log((1 - linked) + linked exp(temperature grid)), the first row and column repeated.
-    rotation : ndarray of shape (B + 1,), out
-        The same for the mean of exp over the cells of one rotation: entry k is for
-        heading_l - heading_r = k cells, the first is repeated.
+
+    Returns
+    -------
+    ndarray of shape (B + 1,)
+        log((1 - linked) + linked mean exp(temperature grid)), the mean over the cells of one
+        rotation: entry k is for heading_l - heading_r = k cells, the first is repeated.
     """
-    bins = grid.shape[0]
-    tempered = np.float32(temperature) * grid
-    top = tempered.max()
-    bounded = top > LARGEST
-    if bounded:
-        excess = np.maximum(tempered - np.float32(LARGEST), np.float32(0.0))
-        tempered -= excess
-    value = np.exp(tempered, out=tempered)
-    value *= np.float32(linked)
-    value += np.float32(1.0 - linked)
-    np.log(value, out=table[:bins, :bins])
-    mean_over_diagonals(value, rotation)
-    np.log(rotation, out=rotation)
-    if bounded:
-        table[:bins, :bins] += excess
-        # beyond the bound only the diagonals near the top count
-        high = np.empty_like(rotation)
-        mean_over_diagonals(value * np.exp(excess - excess.max()), high)
-        with np.errstate(divide="ignore"):
-            np.maximum(rotation, np.log(high) + excess.max(), out=rotation)
-    table[:bins, bins] = table[:bins, 0]
-    table[bins] = table[0]
+    column = np.arange(len(grid))
+    diagonals = np.float32(temperature) * grid[(column[:, None] + column) % len(grid), column]
+    highest = diagonals.max(axis=1)
+    means = np.exp(diagonals - highest[:, None]).mean(axis=1, dtype=np.float64)
+    there = np.log(means) + highest + np.log(linked)
+    curve = np.logaddexp(np.log1p(-linked), there)
+    return np.append(curve, curve[0])
 
 
 @jit
-def mean_over_diagonals(value, out):  # type: ignore[no-untyped-def]
-    """Average ``value`` (B, B) over the cells i - j = k with wrap-around; ``out`` (B + 1,)."""
-    bins = value.shape[0]
-    out[:] = 0.0
-    for i in range(bins):
-        for k in range(i + 1):
-            out[k] += value[i, i - k]
-        for k in range(i + 1, bins):
-            out[k] += value[i, i - k + bins]
-    for k in range(bins):
-        out[k] /= bins
-    out[bins] = out[0]
-
-
-BLOCK = 256
-"""Poses at a time: what is known of them stays in the first cache."""
-
-
-@jit
-def _offsets(poses, first, reference, dx, dy, heading):  # type: ignore[no-untyped-def]
-    """Take a block of poses apart: what lies side by side is computed several at a time."""
+def _offsets(x, y, heading, reference, dx, dy, turned):  # type: ignore[no-untyped-def]
+    """See poses from a reference; in float32 from here on: a robot is metres from it."""
+    reference_x, reference_y, reference_heading = reference[0], reference[1], reference[2]
     for n in range(dx.size):
-        dx[n] = poses[first + n, 0] - reference[0]
-        dy[n] = poses[first + n, 1] - reference[1]
-        heading[n] = poses[first + n, 2]
+        dx[n] = x[n] - reference_x
+        dy[n] = y[n] - reference_y
+        turned[n] = heading[n] - reference_heading
+
+
+def _fit(values: FloatArray, nodes: FloatArray) -> tuple[np.float32, ...]:
+    """Fit a polynomial of degree 7 on [0, 1], at Chebyshev nodes; the lowest coefficient first."""
+    fit = np.polynomial.Chebyshev.fit(nodes, values, 7, domain=[0, 1])
+    return tuple(np.float32(c) for c in fit.convert(kind=np.polynomial.Polynomial).coef)
+
+
+_NODES = 0.5 - 0.5 * np.cos(np.pi * (np.arange(200) + 0.5) / 200)
+# arctan(t) / t in t^2, and log(1 + t) / t in t: both to 2e-7
+_A0, _A1, _A2, _A3, _A4, _A5, _A6, _A7 = _fit(np.arctan(np.sqrt(_NODES)) / np.sqrt(_NODES), _NODES)
+_L0, _L1, _L2, _L3, _L4, _L5, _L6, _L7 = _fit(np.log1p(_NODES) / _NODES, _NODES)
+_ZERO, _ONE, _HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+_PI, _HALF_PI, _TINY = np.float32(np.pi), np.float32(0.5 * np.pi), np.float32(1e-30)
+_SIXTH, _SIXTYFOURTH = np.float32(1.0 / 6.0), np.float32(1.0 / 64.0)
 
 
 @jit
-def _distances(dx, dy, away):  # type: ignore[no-untyped-def]
-    """Write distances in metres."""
+def _polar(dx, dy, away, direction):  # type: ignore[no-untyped-def]
+    """Write distances in metres and directions in (-pi, pi]."""
     for n in range(away.size):
         away[n] = np.sqrt(dx[n] * dx[n] + dy[n] * dy[n])
+        across, along = abs(dy[n]), abs(dx[n])
+        t = min(across, along) / (max(across, along) + _TINY)
+        q = t * t
+        p = _A7 * q + _A6
+        p = p * q + _A5
+        p = p * q + _A4
+        p = p * q + _A3
+        p = p * q + _A2
+        p = p * q + _A1
+        angle = (p * q + _A0) * t
+        angle = _HALF_PI - angle if across > along else angle
+        angle = _PI - angle if dx[n] < _ZERO else angle
+        direction[n] = -angle if dy[n] < _ZERO else angle
 
 
 @jit
-def _directions(dx, dy, direction):  # type: ignore[no-untyped-def]
-    """Write directions from the reference, radians."""
-    for n in range(direction.size):
-        direction[n] = fast_arctan2(dy[n], dx[n])
+def _cells(direction, turned, heading, bins, across, along):  # type: ignore[no-untyped-def]
+    """Write both headings as cell coordinates in [0, B]; cell centres lie at half cells.
+
+    ``direction`` from the reference in the world, ``turned`` by which the robot's heading differs
+    from the reference's, ``heading`` of the reference.
+    """
+    cells, turn, width = np.float32(bins / TWO_PI), np.float32(1.0 / bins), np.float32(bins)
+    for n in range(across.size):
+        heading_l = direction[n] - heading
+        u = heading_l * cells - _HALF
+        across[n] = u - np.floor(u * turn) * width
+        u = (heading_l + _PI - turned[n]) * cells - _HALF
+        along[n] = u - np.floor(u * turn) * width
 
 
 @jit
-def _cells(angle, bins, cell):  # type: ignore[no-untyped-def]
-    """Write cell coordinates in [0, B] of angles in radians; cell centres lie at half cells."""
-    cells = bins / TWO_PI
-    turn = 1.0 / bins
-    for n in range(cell.size):
-        u = angle[n] * cells - 0.5
-        cell[n] = u - np.floor(u * turn) * bins
-
-
-@jit
-def _corners(across, along, bins, corner):  # type: ignore[no-untyped-def]
-    """Write where in the flat table the first corner of each pose's cell lies."""
-    top = bins - 1
-    for n in range(corner.size):
-        corner[n] = min(int(across[n]), top) * (bins + 1) + min(int(along[n]), top)
-
-
-@jit
-def _interpolate(flat, corner, across, along, bins, value):  # type: ignore[no-untyped-def]
-    """Write the table's bilinear values."""
-    width = bins + 1
-    top = float(bins - 1)
+def _interpolate(flat, bins, across, along, value):  # type: ignore[no-untyped-def]
+    """Write the periodic grid's bilinear values."""
+    top, width, one = np.int32(bins - 1), np.int32(bins), np.int32(1)
     for n in range(value.size):
-        c = corner[n]
-        s = across[n] - min(np.floor(across[n]), top)
-        t = along[n] - min(np.floor(along[n]), top)
-        low = flat[c] + t * (flat[c + 1] - flat[c])
-        high = flat[c + width] + t * (flat[c + width + 1] - flat[c + width])
+        i, j = min(np.int32(across[n]), top), min(np.int32(along[n]), top)
+        s, t = across[n] - np.float32(i), along[n] - np.float32(j)
+        row = i * width
+        next_row = np.int32(0) if i == top else row + width
+        k = np.int32(0) if j == top else j + one
+        low = flat[np.uintp(row + j)]
+        low += t * (flat[np.uintp(row + k)] - low)
+        high = flat[np.uintp(next_row + j)]
+        high += t * (flat[np.uintp(next_row + k)] - high)
         value[n] = low + s * (high - low)
+
+
+@jit
+def _link(value, temperature, odds, floor):  # type: ignore[no-untyped-def]
+    """Write log((1 - linked) + linked exp(temperature value)), to 1e-5 nats.
+
+    That is ``floor`` + softplus(temperature value + ``odds``), with the logarithms of 1 - linked
+    and of the odds of being linked; exp(-y) is (1 - y/64 + ...) ** 64.
+    """
+    for n in range(value.size):
+        x = temperature * value[n] + odds
+        z = min(abs(x), np.float32(LARGEST)) * _SIXTYFOURTH
+        e = _ONE - z * (_ONE - z * (_HALF - z * _SIXTH))
+        e = e * e
+        e = e * e
+        e = e * e
+        e = e * e
+        e = e * e
+        e = e * e
+        p = _L7 * e + _L6
+        p = p * e + _L5
+        p = p * e + _L4
+        p = p * e + _L3
+        p = p * e + _L2
+        p = p * e + _L1
+        value[n] = floor + max(x, _ZERO) + (p * e + _L0) * e
 
 
 @jit
@@ -150,33 +163,40 @@ def _nearby(away, across, along, rotation, near, value):  # type: ignore[no-unty
 
 
 @jit
-def add_reference(poses, reference, table, rotation, near, ramp, reach, out):  # type: ignore[no-untyped-def]
+def _add(away, value, ramp, reach, total):  # type: ignore[no-untyped-def]
+    """Add values that fade from ``ramp`` to ``reach`` metres."""
+    end, slope = np.float32(reach), np.float32(1.0 / (reach - ramp))
+    for n in range(value.size):
+        total[n] += min(max((end - away[n]) * slope, _ZERO), _ONE) * value[n]
+
+
+@jit
+def add_reference(  # type: ignore[no-untyped-def]
+    x, y, heading, reference, grid, temperature, linked, rotation, near, ramp, reach, out
+):
     """Add one reference's log-likelihood to the particles': O(N).
 
-    ``poses`` (N, 3), ``reference`` (3,), ``table`` and ``rotation`` from `link`, ``out`` (N,).
-    Within ``near`` metres the direction to the reference fades out of the likelihood and only
+    ``x``, ``y`` and ``heading`` (N,) of the particles, ``reference`` (3,), ``grid`` (B, B) float32,
+    ``temperature`` and ``linked`` of `rotation_curve`, of which ``rotation`` (B + 1,) is, ``out``
+    (N,). Within ``near`` metres the direction to the reference fades out of the likelihood and only
     the rotation stays; from ``ramp`` to ``reach`` metres all of it fades.
     """
-    bins = table.shape[0] - 1
-    flat = table.reshape(-1)
-    slope = 1.0 / (reach - ramp)
-    work, corners = np.empty((8, BLOCK)), np.empty(BLOCK, np.int32)
-    for first in range(0, poses.shape[0], BLOCK):
-        size = min(BLOCK, poses.shape[0] - first)
-        dx, dy, heading = work[0, :size], work[1, :size], work[2, :size]
-        away, direction, value = work[3, :size], work[4, :size], work[5, :size]
-        across, along, corner = work[6, :size], work[7, :size], corners[:size]
-        _offsets(poses, first, reference, dx, dy, heading)
-        _distances(dx, dy, away)
-        _directions(dx, dy, direction)
-        for n in range(size):
-            heading[n] = direction[n] + np.pi - heading[n]
-        for n in range(size):
-            direction[n] -= reference[2]
-        _cells(direction, bins, across)
-        _cells(heading, bins, along)
-        _corners(across, along, bins, corner)
-        _interpolate(flat, corner, across, along, bins, value)
-        _nearby(away, across, along, rotation, near, value)
-        for n in range(size):
-            out[first + n] += min(max((reach - away[n]) * slope, 0.0), 1.0) * value[n]
+    bins = grid.shape[0]
+    flat, toward = grid.reshape(-1), np.float32(reference[2])
+    factor, floor = np.float32(temperature), np.float32(np.log1p(-linked))
+    odds = np.float32(np.log(linked) - np.log1p(-linked))
+    work = np.empty((7, BLOCK), np.float32)
+    for first in range(0, out.size, BLOCK):
+        last = min(first + BLOCK, out.size)
+        size = last - first
+        dx, dy, turned = work[0, :size], work[1, :size], work[2, :size]
+        away, direction = work[3, :size], work[4, :size]
+        across, along, value = work[5, :size], work[6, :size], work[0, :size]
+        _offsets(x[first:last], y[first:last], heading[first:last], reference, dx, dy, turned)
+        _polar(dx, dy, away, direction)
+        _cells(direction, turned, toward, bins, across, along)
+        _interpolate(flat, bins, across, along, value)
+        _link(value, factor, odds, floor)
+        if away.min() < near:
+            _nearby(away, across, along, rotation, near, value)
+        _add(away, value, ramp, reach, out[first:last])

@@ -12,18 +12,6 @@ from pflut.geometry import FloatArray
 
 
 @jit
-def _add(log_weights: FloatArray, log_likelihood: FloatArray, out: FloatArray) -> float:
-    """Add logarithms; give the highest sum, or NaN if a likelihood is NaN or +inf: O(N)."""
-    highest = -np.inf
-    for i in range(out.shape[0]):
-        if not log_likelihood[i] < np.inf:  # so written, NaN ends it as well
-            return np.nan
-        out[i] = log_weights[i] + log_likelihood[i]
-        highest = max(highest, out[i])
-    return highest
-
-
-@jit
 def _sums(values: FloatArray) -> tuple[float, float]:
     """Sum the values and their squares, in an order that no thread count changes: O(N)."""
     total, squares = 0.0, 0.0
@@ -40,9 +28,10 @@ class Weights:
     Parameters
     ----------
     log : ndarray of shape (N,)
-        Their logarithms; -inf is a particle that is ruled out.
+        Their logarithms; -inf is a particle that is ruled out. Equal ones are one number, seen N
+        times: read-only and not contiguous.
     linear : ndarray of shape (N,)
-        The weights; they sum to one.
+        The weights; they sum to one. Equal ones as above.
     effective_sample_size : float
         ``1 / sum(linear**2)``, in [1, N] (Kong, Liu, Wong 1994).
     log_mean : float
@@ -64,7 +53,7 @@ class Weights:
         """Give n >= 1 equal weights."""
         if n < 1:
             raise ValueError(f"weights: expected those of at least one particle, got {n}")
-        return cls(np.full(n, -np.log(n)), np.full(n, 1.0 / n), float(n))
+        return cls(np.broadcast_to(-np.log(n), n), np.broadcast_to(1.0 / n, n), float(n))
 
     @classmethod
     def from_log(cls, log_weights: ArrayLike) -> Weights:
@@ -139,9 +128,11 @@ class Weights:
 
 def _normalize(log_weights: FloatArray, log_likelihood: FloatArray) -> Weights | None:
     """Add, subtract the highest before exp so that nothing overflows, divide by the sum."""
-    log = np.empty_like(log_weights)
-    highest = _add(log_weights, log_likelihood, log)
-    if not highest > -np.inf:
+    with np.errstate(invalid="ignore"):  # a sum of -inf and +inf is the NaN that is looked for
+        log = log_weights + log_likelihood
+    highest = log.max()
+    # a NaN is the highest of all, whatever else there is
+    if not -np.inf < highest < np.inf:
         return None
     log -= highest
     linear = np.exp(log)
