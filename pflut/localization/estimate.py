@@ -165,7 +165,8 @@ def _mass(
         y = poses[i, 1] - center_y
         h = poses[i, 2] - center_h
         h -= TWO_PI * np.rint(h * (1.0 / TWO_PI))
-        mass += weights[i] if (x * x + y * y <= radius2) & (abs(h) <= angle) else 0.0
+        inside = (x * x + y * y <= radius2) & (abs(h) <= angle)
+        mass += weights[i] if inside else 0.0
     return mass
 
 

@@ -221,9 +221,9 @@ class ParticleFilter:
 
         # estimate before resampling; however little an image may count, it may say "not here"
         estimate = summarize(particles.poses, particles.weights, method=self.estimate_method)
+        confidence = estimate.confidence
         if weights is not None and weights is not particles.weights:
-            said = mass_near(poses, weights.linear, estimate.pose)
-            estimate = replace(estimate, confidence=min(estimate.confidence, said))
+            confidence = min(confidence, mass_near(poses, weights.linear, estimate.pose))
 
         # taken over; what a million particles no longer need is freed
         self._started = particles
@@ -240,8 +240,9 @@ class ParticleFilter:
         if self.recovery is not None and log_mean is not None:
             slow, fast = self.recovery.alpha_slow, self.recovery.alpha_fast
             self._averages = self._averages.after(log_mean, slow, fast)
-        return replace(
-            self._counted(estimate),
+        return self._counted(
+            estimate,
+            confidence=confidence,
             log_mean_likelihood=None if log_mean == -np.inf else log_mean,
             likelihood_exponent=exponent,
             proposed_share=share,
@@ -482,10 +483,11 @@ class ParticleFilter:
         particles.append(moved, log_weights, probability)
         return np.concatenate([then, poses]), probability
 
-    def _counted(self, estimate: Estimate) -> Estimate:
-        """Say in an estimate when it is, and what was ignored so far."""
+    def _counted(self, estimate: Estimate, **more: Any) -> Estimate:
+        """Say in an estimate when it is, what was ignored so far, and more."""
         return replace(
             estimate,
+            **more,
             degenerate_updates=self.degenerate_updates,
             dropped_updates=self.dropped_updates,
             stamp=self.stamp,

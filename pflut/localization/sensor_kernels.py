@@ -34,8 +34,9 @@ def rotation_curve(grid: NDArray[np.float32], temperature: float, linked: float)
         log((1 - linked) + linked mean exp(temperature grid)), the mean over the cells of one
         rotation: entry k is for heading_l - heading_r = k cells, the first is repeated.
     """
-    column = np.arange(len(grid))
-    diagonals = np.float32(temperature) * grid[(column[:, None] + column) % len(grid), column]
+    twice = np.tile(np.float32(temperature) * grid, (2, 1))
+    row, cell = twice.strides
+    diagonals = np.lib.stride_tricks.as_strided(twice, grid.shape, (row, row + cell))
     highest = diagonals.max(axis=1)
     means = np.exp(diagonals - highest[:, None]).mean(axis=1, dtype=np.float64)
     there = np.log(means) + highest + np.log(linked)
