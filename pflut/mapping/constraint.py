@@ -168,5 +168,5 @@ def arcs(marginal: ArrayLike, share: float) -> tuple[float, FloatArray]:
     breaks = np.flatnonzero(steps * (TWO_PI / bins) > GAP + TWO_PI / bins)
     # the arc before the first break goes on after the last one
     arc = np.searchsorted(breaks, np.arange(len(chosen))) % max(len(breaks), 1)
-    masses = np.bincount(arc, weights=mass[chosen])
+    masses = np.bincount(arc, weights=mass[chosen]).astype(np.float64)
     return len(chosen) * TWO_PI / bins, -np.sort(-masses)
