@@ -10,9 +10,9 @@ components there are; and the time of the fit alone on one core, with either lim
 kind, and what the mixtures lose of the true poses' log-density. Prints a table, writes a CSV and a
 figure.
 
-To expect: more than nine in ten of the pairs that constrain something are below 0.05 nats, most with
-one component in a quarter of a millisecond. Posteriors of few matches and many mismatches are webs
-of ridges; they take all the components there are, and constrain nothing.
+To expect: more than nine in ten of the pairs that constrain something are below 0.05 nats, most
+with one component in a quarter of a millisecond. Posteriors of few matches and many mismatches are
+webs of ridges; they take all the components there are, and constrain nothing.
 """
 
 from __future__ import annotations

@@ -463,7 +463,7 @@ def concentration(spread):  # type: ignore[no-untyped-def]
         return length * (2.0 + length**2 + 5.0 / 6.0 * length**4)
     if length < 0.85:
         return -0.4 + 1.39 * length + 0.43 / spread
-    return 1.0 / (spread * (1.0 + length * (length - 2.0) + 1.0) * length + 2.0 * spread * spread)
+    return 1.0 / (length * spread * (2.0 + spread))
 
 
 @jit
@@ -789,4 +789,17 @@ def fit(  # type: ignore[no-untyped-def]
         if little and disappointed:
             break
         disappointed = little
+    # nothing more may be added: improve what there is
+    for _ in range(int(steps)):
+        if divergence <= target:
+            break
+        for _ in range(int(steps)):
+            uniform = _maximize(points, cell, components, count, run_rows, num_runs, scratch, total)
+            _expect(
+                points, start, cell, components, count, uniform, run_rows, num_runs, scratch, total
+            )
+        before = divergence
+        divergence = base + _cross_entropy(points, total)
+        if before - divergence < 0.05 * divergence:
+            break
     return count, uniform, divergence
