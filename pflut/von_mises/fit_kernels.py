@@ -169,7 +169,7 @@ def is_sharp(component, cell):  # type: ignore[no-untyped-def]
 def is_short(component, cell):  # type: ignore[no-untyped-def]
     """Say whether a mode is no longer than three cells, so that it is normal."""
     k1, k2 = component[K_1], component[K_2]
-    return k1 + k2 < (3.0 * cell) ** 2 * (k1 * k2 - component[COUPLING] ** 2)
+    return component[KIND] == MODE and k1 + k2 < (3.0 * cell) ** 2 * (k1 * k2 - component[COUPLING] ** 2)
 
 
 @jit
@@ -185,7 +185,7 @@ def sum_over_cells(component, cell, sums):  # type: ignore[no-untyped-def]
     if swapped:
         k1, k2, mean_1, mean_2 = k2, k1, mean_2, mean_1
     c = component[COUPLING]
-    reach = half_width(k1, k2, c, 10.0) / cell
+    reach = half_width(k1, k2, c, 9.0) / cell
     center = mean_1 / cell - 0.5
     total, m1, m2, s11, s22, s12 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(int(np.ceil(center - reach)), int(np.floor(center + reach)) + 1):
@@ -194,7 +194,7 @@ def sum_over_cells(component, cell, sums):  # type: ignore[no-untyped-def]
         row = -k1 * (1.0 - np.cos(d1))
         steepness = np.sqrt(k2 * k2 + sine * sine)
         middle = (mean_2 + np.arctan2(sine, k2)) / cell - 0.5
-        width = 4.5 / (np.sqrt(steepness) * cell) + 0.5
+        width = 4.2 / (np.sqrt(steepness) * cell) + 0.5
         for j in range(int(np.ceil(middle - width)), int(np.floor(middle + width)) + 1):
             d2 = (j + 0.5) * cell - mean_2
             value = np.exp(row - k2 * (1.0 - np.cos(d2)) + sine * np.sin(d2))
@@ -258,9 +258,10 @@ def _find_runs(component, cell, start, runs):  # type: ignore[no-untyped-def]
             margin += BLOCK * cell
         x, rows = _tiles(component[MEAN_1], half_width(k1, k2, c, NEGLIGIBLE) + margin)
         y, columns = _tiles(component[MEAN_2], half_width(k2, k1, c, NEGLIGIBLE) + margin)
-    # blocks are few
-    base = TILES * TILES
-    n = _add_run(start[0], start[base], 0, runs, 0)
+    base, n = TILES * TILES, 0
+    # blocks are few, and what is sharp does not lie on them
+    if not (is_sharp(component, cell) and is_short(component, cell)):
+        n = _add_run(start[0], start[base], 0, runs, 0)
     if rows == TILES and columns == TILES:
         return _add_run(start[base], start[2 * base], 1, runs, n)
     for a in range(x, x + rows):
