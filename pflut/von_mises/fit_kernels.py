@@ -34,6 +34,8 @@ NEGLIGIBLE = 14.0
 """Nats below its maximum at which a mode has ended."""
 NEARBY = 0.25
 """Radians within which what is missing makes one new mode."""
+POLISHES = 4
+"""So many times so many steps at most, once nothing is added any more."""
 BAND_SHARE, BAND_LENGTH = 0.3, 0.8
 """A band is tried if three diagonals hold so much, at headings whose mean vector is no longer."""
 TWO_PI = 2.0 * np.pi
@@ -169,7 +171,9 @@ def is_sharp(component, cell):  # type: ignore[no-untyped-def]
 def is_short(component, cell):  # type: ignore[no-untyped-def]
     """Say whether a mode is no longer than three cells, so that it is normal."""
     k1, k2 = component[K_1], component[K_2]
-    return component[KIND] == MODE and k1 + k2 < (3.0 * cell) ** 2 * (k1 * k2 - component[COUPLING] ** 2)
+    return component[KIND] == MODE and k1 + k2 < (3.0 * cell) ** 2 * (
+        k1 * k2 - component[COUPLING] ** 2
+    )
 
 
 @jit
@@ -791,10 +795,10 @@ def fit(  # type: ignore[no-untyped-def]
             break
         disappointed = little
     # nothing more may be added: improve what there is
-    for _ in range(int(steps)):
+    for _ in range(POLISHES):
         if divergence <= target:
             break
-        for _ in range(int(steps)):
+        for _ in range(POLISHES):
             uniform = _maximize(points, cell, components, count, run_rows, num_runs, scratch, total)
             _expect(
                 points, start, cell, components, count, uniform, run_rows, num_runs, scratch, total
