@@ -186,6 +186,28 @@ def test_covariances_are_those_of_the_curvature() -> None:
     assert concentrations[1:] == pytest.approx([1.0 / spread, 200.0])
 
 
+def test_merged_modes_have_the_moments_of_their_components() -> None:
+    mixture = VonMisesMixture(
+        weights=[0.3, 0.1, 0.4],
+        means=[[3.1, 1.0], [-3.1, 1.1], [0.0, 0.0]],
+        concentrations=[[400.0, 400.0], [100.0, 200.0], [900.0, 900.0]],
+        couplings=[0.0, 50.0, 0.0],
+        uniform_weight=0.2,
+    )
+    weights, means, covariances = mixture.merged_modes()
+    assert weights == pytest.approx([0.4, 0.4])
+    near = means[np.argmax(np.abs(means[:, 0]))]
+    apart = TWO_PI - 6.2
+    assert near == pytest.approx([3.1 + 0.25 * apart, 1.025])
+    d = np.array([apart, 0.1])
+    parts = mixture.covariances()
+    expected = 0.75 * parts[0] + 0.25 * parts[1] + 0.75 * 0.25 * np.outer(d, d)
+    assert covariances[np.argmax(np.abs(means[:, 0]))] == pytest.approx(expected)
+    # all three apart
+    assert len(mixture.merged_modes(separation=0.05)[0]) == 3
+    assert [len(part) for part in VonMisesMixture(uniform_weight=1.0).merged_modes()] == [0, 0, 0]
+
+
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
