@@ -389,7 +389,7 @@ def _cross_entropy(points, total):  # type: ignore[no-untyped-def]
     """Mean of minus the log of the density over the grid's probability."""
     value = 0.0
     for n in range(total.shape[0]):
-        value -= points[4, n] * np.log(total[n])
+        value -= np.float64(points[4, n]) * np.log(np.float64(total[n]))
     return value
 
 
