@@ -18,6 +18,7 @@ webs of ridges; they take all the components there are, and constrain nothing.
 from __future__ import annotations
 
 import argparse
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -42,6 +43,7 @@ from pflut.mapping.constraint import KINDS
 from pflut.plot import save_figure
 from pflut.plot.style import COLORMAP, VERMILION, new_figure
 from pflut.von_mises.fit import fit_mixture
+from pflut.von_mises.mixture import MAX_COMPONENTS
 
 COUNTS = (10, 25, 50, 100)
 MISMATCHES = (0.0, 0.5, 0.8, 0.9, 0.95)
@@ -87,7 +89,7 @@ def measure(posterior: GridPosterior, heading_l: float, heading_r: float) -> Fit
     constraint = extract_constraint(posterior)
     few = timed(posterior, FEW)
     # what a map does not use is not fitted in full
-    full = timed(posterior, 64)
+    full = timed(posterior, MAX_COMPONENTS)
     mixture = constraint.mixture
     if constraint.kind == "none":
         mixture = posterior.von_mises_mixture()
@@ -123,6 +125,21 @@ def summary(fits: list[Fit]) -> str:
         f"{(few < TARGET).mean():10.3f}{np.median(divergence):9.3f}{components:7.1f}"
         f"{times[:, 0].mean():9.2f}{np.median(times[:, 0]):9.2f}{times[:, 1].mean():9.2f}"
     )
+
+
+def limits(name: str, fits: list[Fit]) -> Iterator[str]:
+    """Give a printed row for either limit of components."""
+    few = [(fit.divergence_few, fit.time_few) for fit in fits]
+    for limit, pairs in (
+        (MAX_COMPONENTS, [(fit.divergence, fit.time) for fit in fits]),
+        (FEW, few),
+    ):
+        divergence, time = np.array(pairs).T
+        yield (
+            f"{name:24}{len(fits):6}{limit:7}{(divergence < TARGET).mean():10.3f}"
+            f"{(divergence < 2.0 * TARGET).mean():10.3f}{divergence.max():9.2f}{time.mean():9.2f}"
+            f"{np.median(time):9.2f}{(time < 1.0).mean():9.2f}"
+        )
 
 
 def draw(shown: dict[str, GridPosterior]) -> Figure:
@@ -225,6 +242,24 @@ def main() -> None:
             if chosen:
                 loss = np.mean([fit.loss for fit in chosen])
                 print(f"  {kind:26}{summary(chosen)}   log-density lost: {loss:.3f} nat")
+    useful = [fit for fit in everything["apart"] if fit.constraint.kind != "none"]
+    number = np.array([fit.constraint.mixture.num_components for fit in useful])
+    print(
+        f"\n{'pairs':24}{'':6}{'limit':>7}{'< 0.05':>10}{'< 0.1':>10}{'largest':>9}{'ms':>9}"
+        f"{'median':>9}{'< 1 ms':>9}"
+    )
+    for name, fits in (("apart, constraining", useful), *everything.items()):
+        print("\n".join(limits(name, fits)))
+    for low, high in ((1, 1), (0, 2), (FEW + 1, MAX_COMPONENTS)):
+        chosen = (number >= low) & (number <= high)
+        time = np.mean([fit.time for fit, take in zip(useful, chosen, strict=True) if take])
+        print(f"constraining, {low} to {high} components: {chosen.mean():.2f}, {time:.2f} ms")
+    kinds = Counter(
+        (temperature, count, kind)
+        for views, temperature, count, _, kind, *_ in rows
+        if views == "turned"
+    )
+    print("turned:", ", ".join(f"T {t}, {n}: {kinds[t, n, kind]} {kind}" for t, n, kind in kinds))
     write_csv(arguments.output / "mixture_fits.csv", COLUMNS, rows)
     print(f"written: {arguments.output}")
 
