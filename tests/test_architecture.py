@@ -19,7 +19,7 @@ PACKAGE = Path(pflut.__file__).parent
 # names on one line do not import each other.
 ORDER = [
     "_jit _lanes _files _cache _lazy geometry",
-    "_trig _random _robust _cells correspondences trajectory statistics",
+    "_trig _random _robust _cells _jobs correspondences trajectory statistics",
     "camera evaluation",
     "features",
     "simulation",
@@ -31,7 +31,7 @@ ORDER = [
     "reference_map",
     "localization",
     "pairs plot",
-    "calibration comparison",
+    "calibration comparison mapping",
     "environment",
     "replay",
     "campaign",
