@@ -50,6 +50,8 @@ if TYPE_CHECKING:
     from pflut.localization.unscented_kalman_filter import (
         UnscentedKalmanFilter as UnscentedKalmanFilter,
     )
+    from pflut.mapping.constraint import PoseConstraint as PoseConstraint
+    from pflut.mapping.constraint import extract_constraint as extract_constraint
     from pflut.posterior import GridPosterior as GridPosterior
     from pflut.posterior import pose_posterior as pose_posterior
     from pflut.reference_map import ReferenceMap as ReferenceMap
@@ -61,6 +63,8 @@ if TYPE_CHECKING:
     from pflut.relpose.search import estimate_relative_poses as estimate_relative_poses
     from pflut.simulation.correspondences import CorrespondenceSimulator as CorrespondenceSimulator
     from pflut.trajectory import Trajectory as Trajectory
+    from pflut.von_mises.distribution import VonMises as VonMises
+    from pflut.von_mises.mixture import VonMisesMixture as VonMisesMixture
 
 __version__ = "0.1.0"
 
@@ -88,6 +92,7 @@ _NAMES = {
     "Moved": "localization.resampling_policy",
     "Omnidirectional": "localization.motion",
     "ParticleFilter": "localization.particle_filter",
+    "PoseConstraint": "mapping.constraint",
     "Recovery": "localization.recovery",
     "ReferenceImageModel": "localization.reference_image_model",
     "ReferenceMap": "reference_map",
@@ -98,9 +103,12 @@ _NAMES = {
     "Trajectory": "trajectory",
     "UniformProposal": "localization.proposals",
     "UnscentedKalmanFilter": "localization.unscented_kalman_filter",
+    "VonMises": "von_mises.distribution",
+    "VonMisesMixture": "von_mises.mixture",
     "coverage": "calibration",
     "estimate_relative_pose": "relpose.estimate",
     "estimate_relative_poses": "relpose.search",
+    "extract_constraint": "mapping.constraint",
     "fit_temperature": "calibration",
     "load_camera": "camera",
     "load_dataset": "datasets",

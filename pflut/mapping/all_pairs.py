@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -22,67 +21,14 @@ from pflut._jobs import in_processes, same_settings
 from pflut.features import Features
 from pflut.likelihood.table import LikelihoodTable
 from pflut.mapping.cluster import on_cluster
-from pflut.mapping.feature_blocks import BLOCK, SCALE, FeatureBlock, digest_of, in_blocks
+from pflut.mapping.feature_blocks import SCALE, digest_of, in_blocks
 from pflut.mapping.link_model import LinkModel
 from pflut.mapping.links import Links
+from pflut.mapping.pair_batches import BATCH, PairBatches
 from pflut.mapping.pair_linker import Likelihood, LinkOptions, PairLinker
-from pflut.mapping.proposals import all_of, alike, image_signatures
-
-BATCH = 500
-"""Pairs of a batch: what is lost when a process is killed, some seconds' work."""
-KEPT_BLOCKS = 8
-"""Blocks of features that a process has in memory."""
+from pflut.mapping.proposals import alike, all_of, image_signatures
 
 Progress = Callable[[int, int], None]
-
-
-@dataclass(frozen=True, eq=False)
-class PairBatches:
-    """Pairs of images in batches, each of which needs few blocks of features.
-
-    Parameters
-    ----------
-    folder : Path
-        Where the blocks are, and the files of the batches that are done.
-    blocks : tuple of str
-        The names of the blocks, in the order of the images.
-    pairs : ndarray of shape (n, 2), int64
-        The smaller index first, each pair once.
-    """
-
-    folder: Path
-    blocks: tuple[str, ...]
-    pairs: NDArray[np.int64]
-    _kept: dict[int, FeatureBlock] = field(default_factory=dict, init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        # those of the same two blocks one after the other
-        keys = (self.pairs[:, 1], self.pairs[:, 0], *(self.pairs // BLOCK).T[::-1])
-        object.__setattr__(self, "pairs", self.pairs[np.lexsort(keys)])
-
-    def __len__(self) -> int:
-        """Return the number of batches."""
-        return -(-len(self.pairs) // BATCH)
-
-    def __getitem__(self, number: int) -> NDArray[np.int64]:
-        """Give the pairs of a batch."""
-        return self.pairs[number * BATCH : (number + 1) * BATCH]
-
-    def file(self, number: int) -> Path:
-        """Name the file that keeps a batch's links."""
-        return self.folder / f"batch_{number:06d}.npz"
-
-    def missing(self) -> list[int]:
-        """Give the batches that are not done."""
-        return [number for number in range(len(self)) if not self.file(number).is_file()]
-
-    def block(self, number: int) -> FeatureBlock:
-        """Read a block of features; the last few stay in memory."""
-        if number not in self._kept:
-            while len(self._kept) >= KEPT_BLOCKS:
-                del self._kept[next(iter(self._kept))]
-            self._kept[number] = FeatureBlock.load(self.folder / f"{self.blocks[number]}.npz")
-        return self._kept[number]
 
 
 def all_pairs(
@@ -207,18 +153,17 @@ def _run(
 def _link_batch(batches: PairBatches, linker: PairLinker, number: int) -> int:
     """Do a batch and write its file."""
     pairs = batches[number]
-    found = {}
-    # block by block, so that each is read once
-    for image in np.unique(pairs):
-        block, place = divmod(int(image), BLOCK)
-        found[int(image)] = batches.block(block).image(place)
+    found = {image: batches.image(image) for image in np.unique(pairs).tolist()}
     linker(found, pairs).save(batches.file(number))
     return number
 
 
-def _stored(features: Iterable[Features], folder: Path, *, write: bool) -> tuple[list[str], int]:
+def _stored(
+    features: Iterable[Features], folder: Path, *, write: bool
+) -> tuple[tuple[str, ...], int]:
     """Give the names of the blocks of features, which are hashes, and the number of images."""
-    names, count = [], 0
+    names: list[str] = []
+    count = 0
     for block in in_blocks(features):
         names.append(block.digest)
         count += len(block)
@@ -227,7 +172,7 @@ def _stored(features: Iterable[Features], folder: Path, *, write: bool) -> tuple
             block.save(path)
     if count < 2:
         raise ValueError(f"features: expected those of at least 2 images, got {count}")
-    return names, count
+    return tuple(names), count
 
 
 def _checked(pairs: ArrayLike, num_images: int) -> NDArray[np.int64]:
@@ -255,8 +200,7 @@ def _proposed(
     batches = PairBatches(folder, blocks, np.empty((0, 2), np.int64))
 
     def descriptors(image: int) -> NDArray[np.generic]:
-        block, place = divmod(image, BLOCK)
-        rows = batches.block(block).image(place).descriptors
+        rows = batches.image(image).descriptors
         return rows if rows.dtype == np.uint8 else rows / np.float32(SCALE)
 
     return alike(image_signatures(descriptors, num_images), max_candidates, neighbours=neighbours)

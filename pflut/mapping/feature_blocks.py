@@ -103,7 +103,8 @@ class FeatureBlock:
         if descriptors.dtype != np.uint8:
             descriptors = descriptors.astype(np.float32)
         azimuth, elevation = self.bearings[span].T
-        return Features(azimuth, elevation, descriptors, np.zeros((count, 2)), np.zeros(count))
+        pixels, response = np.zeros((count, 2), np.float32), np.zeros(count, np.float32)
+        return Features(azimuth, elevation, descriptors, pixels, response)
 
     @property
     def digest(self) -> str:

@@ -1,4 +1,4 @@
-"""What is known about many pairs of images, as arrays: are they linked, and how do they stand?"""
+"""What is known about many pairs of images: how probably they are linked, and how they stand."""
 
 from __future__ import annotations
 
@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 
 from pflut._files import checksum, read_arrays, replacing
 from pflut.geometry import FloatArray
-from pflut.mapping.constraint import PoseConstraint
-from pflut.von_mises import VonMisesMixture
+from pflut.mapping.constraint import KINDS, PoseConstraint
+from pflut.von_mises.mixture import VonMisesMixture
 
 FORMAT = "pflut links"
 VERSION = 1
-KINDS = ("none", "rotation", "headings", "pose")
-"""Of constraints; `Links.kind` counts them from 0."""
 
 _OF_PAIRS = (
     "indices",
@@ -61,7 +59,7 @@ class Links:
     probability : ndarray of shape (n,)
         That the pair is linked.
     kind : ndarray of shape (n,), int
-        Of the constraint, an index to `KINDS`.
+        Of the constraint, an index to `pflut.mapping.constraint.KINDS`.
     entropy, divergence : ndarray of shape (n,)
         Of the posterior, and of its mixture's fit, nats.
     component_offsets : ndarray of shape (n + 1,), int
@@ -108,8 +106,8 @@ class Links:
     def __post_init__(self) -> None:
         for item in fields(self):
             dtype = _TYPES.get(item.name, np.float64)
-            value = np.ascontiguousarray(getattr(self, item.name), dtype=dtype)
-            object.__setattr__(self, item.name, value)
+            array: NDArray[Any] = np.ascontiguousarray(getattr(self, item.name), dtype=dtype)
+            object.__setattr__(self, item.name, array)
         n, k, m = len(self.indices), len(self.weights), len(self.rotation_weights)
         shapes: dict[str, tuple[int, ...]] = dict.fromkeys(_OF_PAIRS, (n,))
         shapes |= dict.fromkeys(_OF_COMPONENTS, (k,)) | dict.fromkeys(_OF_BANDS, (m,))
@@ -139,7 +137,7 @@ class Links:
     def __getitem__(self, index: slice | NDArray[Any]) -> Links:
         """Select pairs by a slice, an index array or a mask."""
         chosen = np.arange(len(self))[index]
-        arrays = {name: getattr(self, name)[chosen] for name in _OF_PAIRS}
+        arrays: dict[str, NDArray[Any]] = {name: getattr(self, name)[chosen] for name in _OF_PAIRS}
         for offsets, names in (("component_offsets", _OF_COMPONENTS), ("band_offsets", _OF_BANDS)):
             rows, arrays[offsets] = _rows(getattr(self, offsets), chosen)
             arrays |= {name: getattr(self, name)[rows] for name in names}
@@ -201,7 +199,7 @@ class Links:
         """
         if not parts:
             return cls.of(np.empty((0, 2), np.int64), [], [], [], [])
-        arrays = {}
+        arrays: dict[str, NDArray[Any]] = {}
         for item in fields(cls):
             columns = [getattr(part, item.name) for part in parts]
             if item.name.endswith("offsets"):

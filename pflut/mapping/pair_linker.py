@@ -17,7 +17,7 @@ from pflut.mapping.constraint import PoseConstraint, extract_constraint
 from pflut.mapping.link_model import LinkModel
 from pflut.mapping.links import Links
 from pflut.posterior import check_temperature, pose_posterior
-from pflut.von_mises import VonMisesMixture
+from pflut.von_mises.mixture import VonMisesMixture
 
 Likelihood = LikelihoodTable | DenseTable
 
@@ -103,9 +103,7 @@ class PairLinker:
                 evidence.append(0.0)
                 constraints.append(NOTHING_KNOWN)
                 continue
-            posterior = pose_posterior(
-                matches, self.likelihood, temperature=options.temperature
-            )
+            posterior = pose_posterior(matches, self.likelihood, temperature=options.temperature)
             evidence.append(posterior.log_evidence)
             constraints.append(extract_constraint(posterior))
         counts = np.array([len(matches) for matches in correspondences], dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Which pairs of images are worth matching: all, or those that look alike, and neighbours in time."""
+"""Which pairs of images are worth matching: all, or those that look alike and neighbours."""
 
 from __future__ import annotations
 
@@ -69,7 +69,9 @@ def alike(
         similar[rows - start, rows] = -np.inf
         chosen = np.argsort(-similar, axis=1, kind="stable")[:, :best].ravel()
         proposing = np.repeat(rows, best)
-        found.append(np.column_stack([np.minimum(proposing, chosen), np.maximum(proposing, chosen)]))
+        found.append(
+            np.column_stack([np.minimum(proposing, chosen), np.maximum(proposing, chosen)])
+        )
     pairs = np.concatenate([*found, np.empty((0, 2), np.int64)]).astype(np.int64)
     return np.unique(pairs, axis=0)
 
