@@ -78,7 +78,7 @@ def on_cluster(
 
         waiting = iter(missing)
         first = [submitted(number) for number in islice(waiting, AHEAD * threads)]
-        running = distributed.as_completed(first)
+        running = distributed.as_completed(first, loop=client.loop)
         try:
             for future in running:
                 number, links = future.result()
