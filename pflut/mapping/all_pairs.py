@@ -43,6 +43,7 @@ def all_pairs(
     link_model: LinkModel | None = None,
     jobs: int = 1,
     scheduler: str | None = None,
+    batch_size: int = BATCH,
     progress: Progress | None = None,
 ) -> Links:
     """Link the pairs of many images.
@@ -71,6 +72,8 @@ def all_pairs(
     scheduler : str, optional
         Address of a scheduler of dask.distributed (``tcp://host:8786``): its workers do the work
         instead. They get the features from here, and need pflut, but no file of this machine.
+    batch_size : int
+        Pairs that are kept together; of those that are not, the work is lost where a run is killed.
     progress : callable, optional
         Called as ``progress(pairs_done, pairs)``.
 
@@ -94,10 +97,13 @@ def all_pairs(
         options=options or LinkOptions(),
         link_model=link_model or LinkModel.default(),
     )
+    if batch_size < 1:
+        raise ValueError(f"batch_size: expected at least 1, got {batch_size}")
     target = Path(folder)
     work = target / "work"
     begun = (target / "settings.json").is_file()
-    work.mkdir(parents=True, exist_ok=True)
+    if not begun:
+        work.mkdir(parents=True, exist_ok=True)
     blocks, num_images = _stored(features, work, write=not begun)
     wanted = None if pairs is None else _checked(pairs, num_images)
     settings = {
@@ -107,7 +113,7 @@ def all_pairs(
         "pairs": None if wanted is None else checksum("", {"pairs": wanted}),
         "max_candidates": max_candidates,
         "neighbours": neighbours,
-        "batch": BATCH,
+        "batch_size": batch_size,
     }
     if not begun:
         if wanted is None:
@@ -117,7 +123,9 @@ def all_pairs(
     same_settings(target / "settings.json", settings, "links")
     finished = target / "links.npz"
     if not finished.is_file():
-        batches = PairBatches(work, blocks, np.load(work / "pairs.npy", allow_pickle=False))
+        batches = PairBatches(
+            work, blocks, np.load(work / "pairs.npy", allow_pickle=False), batch_size
+        )
         _run(batches, linker, jobs, scheduler, progress)
         parts = [Links.load(batches.file(number)) for number in range(len(batches))]
         Links.concatenate(parts).ordered().save(finished)

@@ -12,7 +12,7 @@ from pflut.features import Features
 from pflut.mapping.feature_blocks import BLOCK, FeatureBlock
 
 BATCH = 500
-"""Pairs of a batch: what is lost when a process is killed, some seconds' work."""
+"""Pairs of a batch, a second's work or two: what is lost when a process is killed."""
 KEPT_BLOCKS = 8
 """Blocks of features that a process has in memory."""
 
@@ -29,11 +29,14 @@ class PairBatches:
         The names of the blocks, in the order of the images.
     pairs : ndarray of shape (n, 2), int64
         The smaller index first, each pair once.
+    size : int
+        Pairs of a batch; the last one may have fewer.
     """
 
     folder: Path
     blocks: tuple[str, ...]
     pairs: NDArray[np.int64]
+    size: int = BATCH
     _kept: dict[int, FeatureBlock] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -43,11 +46,11 @@ class PairBatches:
 
     def __len__(self) -> int:
         """Return the number of batches."""
-        return -(-len(self.pairs) // BATCH)
+        return -(-len(self.pairs) // self.size)
 
     def __getitem__(self, number: int) -> NDArray[np.int64]:
         """Give the pairs of a batch."""
-        return self.pairs[number * BATCH : (number + 1) * BATCH]
+        return self.pairs[number * self.size : (number + 1) * self.size]
 
     def file(self, number: int) -> Path:
         """Name the file that keeps a batch's links."""
