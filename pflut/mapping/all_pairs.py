@@ -25,7 +25,7 @@ from pflut.mapping.feature_blocks import SCALE, digest_of, in_blocks
 from pflut.mapping.link_model import LinkModel
 from pflut.mapping.links import Links
 from pflut.mapping.pair_batches import BATCH, PairBatches
-from pflut.mapping.pair_linker import Likelihood, LinkOptions, PairLinker
+from pflut.mapping.pair_linker import LinkOptions, PairLinker
 from pflut.mapping.proposals import alike, all_of, image_signatures
 
 Progress = Callable[[int, int], None]
@@ -34,7 +34,7 @@ Progress = Callable[[int, int], None]
 def all_pairs(
     features: Iterable[Features],
     folder: str | os.PathLike[str],
-    likelihood: Likelihood | None = None,
+    table: LikelihoodTable | None = None,
     *,
     pairs: ArrayLike | None = None,
     max_candidates: int | None = None,
@@ -55,7 +55,7 @@ def all_pairs(
     folder : path
         Gets each batch of links as soon as it is done, and in the end ``links.npz``. A run that was
         interrupted, even by kill -9, goes on where it was.
-    likelihood : LikelihoodTable or DenseTable, optional
+    table : LikelihoodTable, optional
         Default: `LikelihoodTable.default`.
     pairs : array_like of shape (n, 2), optional
         Which ones, the smaller index first. Default: what the next two say.
@@ -65,7 +65,7 @@ def all_pairs(
         The images so many before and after an image are matched with it in any case.
     options : LinkOptions, optional
     link_model : LinkModel, optional
-        Default: `LinkModel.default`.
+        That judges evidence of this table. Default: `LinkModel.default`.
     jobs : int
         Processes; 1 works in this one. With more, a script that calls this needs the usual
         ``if __name__ == "__main__":``.
@@ -93,7 +93,7 @@ def all_pairs(
         If a scheduler is given and dask.distributed is not installed.
     """
     linker = PairLinker(
-        likelihood=likelihood or LikelihoodTable.default(),
+        table=table or LikelihoodTable.default(),
         options=options or LinkOptions(),
         link_model=link_model or LinkModel.default(),
     )
