@@ -9,6 +9,9 @@ by kill -9 when half of the batches are done, and gone on with; (3) with --local
 
 To expect: the same file each time; some milliseconds of one core a pair, most of them for the
 matching of some 900 with 900 features.
+
+Prints also what is left out if each image is matched only with those that look most like it:
+the share of the linked pairs among the proposed ones, and of the pairs that are proposed.
 """
 
 from __future__ import annotations
@@ -33,7 +36,10 @@ from pflut.likelihood.table import LikelihoodTable
 from pflut.mapping.all_pairs import all_pairs
 from pflut.mapping.links import Links
 from pflut.mapping.pair_batches import BATCH
+from pflut.mapping.proposals import alike, image_signatures
 from pflut.replay.tables import COMMON_BINS
+
+CANDIDATES = (5, 10, 20, 40, 80)
 
 
 def images_of_homes(seed: int, count: int) -> Iterator[Features]:
@@ -90,7 +96,8 @@ def killed_half_way(arguments: argparse.Namespace, folder: Path) -> int:
     command = [sys.executable, __file__, "--only", str(folder)]
     for name in ("seed", "images", "bins", "jobs"):
         command += [f"--{name}", str(getattr(arguments, name))]
-    process = subprocess.Popen(command)
+    # what the tracker of its semaphores says when it finds them left behind helps nobody
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     half = arguments.images * (arguments.images - 1) // 4
     while done(folder) < half:
         if process.poll() is not None:
@@ -104,6 +111,22 @@ def killed_half_way(arguments: argparse.Namespace, folder: Path) -> int:
 def done(folder: Path) -> int:
     """Count the pairs that a run has kept."""
     return BATCH * len(list((folder / "work").glob("batch_*.npz")))
+
+
+def print_proposals(arguments: argparse.Namespace, links: Links) -> None:
+    """Say which of the linked pairs look alike."""
+    descriptors = [f.descriptors for f in images_of_homes(arguments.seed, arguments.images)]
+    signatures = image_signatures(descriptors.__getitem__, len(descriptors))
+    linked = set(map(tuple, links.indices[links.probability > 0.5].tolist()))
+    print(f"{len(linked)} pairs are linked (probability above 0.5); proposed of them")
+    for candidates in CANDIDATES:
+        pairs = set(map(tuple, alike(signatures, candidates).tolist()))
+        found = len(linked & pairs) / max(len(linked), 1)
+        share = len(pairs) / len(links)
+        print(
+            f"  {candidates:>3} candidates an image {100 * found:>5.1f} % "
+            f"({100 * share:.1f} % of all pairs)"
+        )
 
 
 def main() -> None:
@@ -149,7 +172,7 @@ def main() -> None:
         print(f"{name:14}{digest.hexdigest()}")
     same = len({digest.digest() for digest in digests.values()}) == 1
     print("all files are the same" if same else "the files DIFFER")
-    print(f"linked (probability above 0.5): {(links.probability > 0.5).sum()} pairs")
+    print_proposals(arguments, links)
     raise SystemExit(not same)
 
 
