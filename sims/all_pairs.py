@@ -17,6 +17,7 @@ the share of the linked pairs among the proposed ones, and of the pairs that are
 from __future__ import annotations
 
 import argparse
+import itertools
 import os
 import shutil
 import signal
@@ -30,10 +31,10 @@ from pathlib import Path
 from tqdm import tqdm
 
 from pflut.datasets.simulated_home import load_simulated_home
-from pflut.features import FeatureCache, FeatureExtractor, Features
+from pflut.features import FeatureCache, Features
 from pflut.likelihood.sampling import available_cores
 from pflut.likelihood.table import LikelihoodTable
-from pflut.mapping.all_pairs import all_pairs
+from pflut.mapping.all_pairs import all_pairs, dataset_features
 from pflut.mapping.links import Links
 from pflut.mapping.pair_batches import BATCH
 from pflut.mapping.proposals import alike, image_signatures
@@ -45,13 +46,10 @@ CANDIDATES = (5, 10, 20, 40, 80)
 def images_of_homes(seed: int, count: int) -> Iterator[Features]:
     """Give the features of so many images of rendered homes, of one home after the other."""
     cache = FeatureCache()
-    while count > 0:
-        home = load_simulated_home(seed)
-        extractor = FeatureExtractor(home.camera)
-        for index in range(min(count, len(home))):
-            yield cache(extractor, home.image(index))
-        count -= len(home)
-        seed += 1
+    homes = (
+        dataset_features(load_simulated_home(home), cache=cache) for home in itertools.count(seed)
+    )
+    return itertools.islice(itertools.chain.from_iterable(homes), count)
 
 
 def link(arguments: argparse.Namespace, folder: Path, *, scheduler: str | None = None) -> Links:

@@ -18,10 +18,11 @@ import numpy as np
 import pytest
 from world import World
 
-from pflut.features import Features, match
+from pflut.datasets import Dataset
+from pflut.features import FeatureCache, FeatureExtractor, Features, match
 from pflut.features.matching import similarity_scores
 from pflut.likelihood.table import LikelihoodTable
-from pflut.mapping.all_pairs import all_pairs
+from pflut.mapping.all_pairs import all_pairs, dataset_features
 from pflut.mapping.constraint import KINDS, extract_constraint
 from pflut.mapping.feature_blocks import BLOCK, MAX_LENGTH, SCALE, FeatureBlock, in_blocks
 from pflut.mapping.link_evidence import link_evidence
@@ -149,6 +150,18 @@ def test_descriptors_that_are_no_unit_vectors(features: list[Features]) -> None:
     shorter = replace(features[0], descriptors=features[0].descriptors[:, :16])
     with pytest.raises(ValueError, match="features: expected one kind of descriptor, got"):
         FeatureBlock.of([features[1], shorter])
+
+
+def test_the_features_of_a_dataset(room_dataset: Dataset, room_cache: FeatureCache) -> None:
+    told: list[tuple[int, int]] = []
+    found = dataset_features(
+        room_dataset, cache=room_cache, progress=lambda *counts: told.append(counts)
+    )
+    first = next(found)
+    assert told == []  # taken one after the other
+    expected = FeatureExtractor(room_dataset.camera)(room_dataset.image(0))
+    assert np.array_equal(first.descriptors, expected.descriptors)
+    assert len(list(found)) == 23 and told == [(k, 24) for k in range(1, 25)]
 
 
 # --- which pairs -------------------------------------------------------------------------------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,7 +25,6 @@ from pflut.replay.options import ReplayOptions
 if TYPE_CHECKING:
     from pflut.cli.progress import Bars
     from pflut.datasets.base import Dataset
-    from pflut.features import Features
     from pflut.mapping.links import Links
 
 LINK_OPTIONS = (
@@ -180,8 +178,9 @@ def linked(
     """
     from pflut.likelihood.sampling import available_cores
     from pflut.likelihood.table import LikelihoodTable
-    from pflut.mapping.all_pairs import all_pairs
+    from pflut.mapping.all_pairs import all_pairs, dataset_features
     from pflut.mapping.pair_linker import LinkOptions
+    from pflut.replay.pipeline import make_extractor
     from pflut.replay.tables import choose_table
 
     table = choose_table(
@@ -198,7 +197,12 @@ def linked(
 
     try:
         return all_pairs(
-            _features(arguments, dataset, options, bars),
+            dataset_features(
+                dataset,
+                make_extractor(dataset, options),
+                cache=feature_cache(arguments),
+                progress=bars.stage("features"),
+            ),
             folder,
             table,
             max_candidates=arguments.max_candidates,
@@ -221,19 +225,6 @@ def linked(
         raise KeyboardInterrupt(
             f"{done} kept in {folder}; the same command with --output {folder} goes on"
         ) from None
-
-
-def _features(
-    arguments: argparse.Namespace, dataset: Dataset, options: ReplayOptions, bars: Bars
-) -> Iterator[Features]:
-    """Give the features of one image after the other."""
-    from pflut.replay.pipeline import make_extractor
-
-    extractor, cache = make_extractor(dataset, options), feature_cache(arguments)
-    for index in range(len(dataset)):
-        image = dataset.image(index)
-        yield extractor(image) if cache is None else cache(extractor, image)
-        bars("features", index + 1, len(dataset))
 
 
 def _report(dataset: Dataset, links: Links) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 
@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from pflut._files import checksum, replacing
 from pflut._jobs import in_processes, same_settings
-from pflut.features import Features
+from pflut.datasets.base import Dataset
+from pflut.features import FeatureCache, FeatureExtractor, Features
 from pflut.likelihood.table import LikelihoodTable
 from pflut.mapping.cluster import on_cluster
 from pflut.mapping.feature_blocks import SCALE, digest_of, in_blocks
@@ -29,6 +30,45 @@ from pflut.mapping.pair_linker import LinkOptions, PairLinker
 from pflut.mapping.proposals import alike, all_of, image_signatures
 
 Progress = Callable[[int, int], None]
+
+
+def dataset_features(
+    dataset: Dataset,
+    extractor: FeatureExtractor | None = None,
+    *,
+    cache: FeatureCache | None = None,
+    progress: Progress | None = None,
+) -> Iterator[Features]:
+    """Give the features of a dataset's images one after the other, as `all_pairs` takes them.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    extractor : FeatureExtractor, optional
+        Default: `FeatureExtractor` of the dataset's camera and masks.
+    cache : FeatureCache, optional
+        Features are looked up there, and kept.
+    progress : callable, optional
+        Called as ``progress(images_done, images)``.
+
+    Yields
+    ------
+    Features
+
+    Raises
+    ------
+    ValueError
+        If an image does not decode.
+    """
+    if extractor is None:
+        extractor = FeatureExtractor(
+            dataset.camera, mask_elevation=dataset.mask_elevation, mask=dataset.mask
+        )
+    for index in range(len(dataset)):
+        image = dataset.image(index)
+        yield extractor(image) if cache is None else cache(extractor, image)
+        if progress is not None:
+            progress(index + 1, len(dataset))
 
 
 def all_pairs(
