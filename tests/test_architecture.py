@@ -20,7 +20,7 @@ PACKAGE = Path(pflut.__file__).parent
 ORDER = [
     "_jit _lanes _files _cache _lazy geometry",
     "_trig _random _robust _cells correspondences trajectory statistics",
-    "camera evaluation",
+    "camera evaluation reliability",
     "features",
     "simulation",
     "datasets",
@@ -31,7 +31,7 @@ ORDER = [
     "reference_map",
     "localization",
     "pairs plot",
-    "calibration comparison",
+    "calibration comparison mapping",
     "environment",
     "replay",
     "campaign",

@@ -1,0 +1,1 @@
+"""From posteriors to maps: constraints, links, pose graphs."""
