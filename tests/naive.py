@@ -2,8 +2,8 @@
 
 One part a part of the library: the vision kernels, the simulator, the paper's table, the residual
 table, the M-estimator, the sensor model, the simulated home, the homes of landmarks, the particle
-filter. Nothing here is fast, and nothing is taken from pflut but the names of a surface's columns
-and the edges of the residual table's cells.
+filter, mixtures of von Mises distributions. Nothing here is fast, and nothing is taken from pflut
+but the names of a surface's columns and the edges of the residual table's cells.
 """
 
 from __future__ import annotations

@@ -69,7 +69,7 @@ def test_kinds(kind: str, mixture: VonMisesMixture) -> None:
     constraint = extract_constraint(posterior_of(mixture))
     assert constraint.kind == kind
     assert 0.0 <= constraint.divergence < 0.1
-    assert constraint.entropy == pytest.approx(mixture.entropy(), abs=0.02)
+    assert constraint.entropy == pytest.approx(mixture.entropy(), abs=0.1)
     if kind == "none":
         assert constraint.mixture.num_components <= COMPONENTS_OF_NONE
 

@@ -126,10 +126,10 @@ def classify(posterior: GridPosterior) -> str:
     Notes
     -----
     The rotation is known where the smallest set of angles with 80 % of its marginal is at most 20
-    degrees wide, and no two parts of it count. Then the set of heading_l decides: wider than 60 degrees is a "rotation", two
-    arcs, each with 15 % or more of the mass, are two "headings", everything else is a "pose".
-    Where the rotation is not known, a "pose" is a posterior with the entropy of a uniform density
-    over a hundredth of all poses, or less.
+    degrees wide, and in one arc. Then the set of heading_l decides: wider than 60 degrees is a
+    "rotation", two arcs, each with 15 % or more of the mass, are two "headings", everything else is
+    a "pose". Where the rotation is not known, a "pose" is a posterior with the entropy of a uniform
+    density over a hundredth of all poses, or less.
     """
     width, masses = arcs(posterior.rotation()[1], KNOWN_SHARE)
     if width <= KNOWN_ROTATION and int((masses >= ARC_SHARE).sum()) == 1:

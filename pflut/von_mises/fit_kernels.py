@@ -34,6 +34,8 @@ NEGLIGIBLE = 14.0
 """Nats below its maximum at which a mode has ended."""
 NEARBY = 0.25
 """Radians within which what is missing makes one new mode."""
+POLISHES = 4
+"""So many times so many steps at most, once nothing is added any more."""
 BAND_SHARE, BAND_LENGTH = 0.3, 0.8
 """A band is tried if three diagonals hold so much, at headings whose mean vector is no longer."""
 TWO_PI = 2.0 * np.pi
@@ -169,7 +171,9 @@ def is_sharp(component, cell):  # type: ignore[no-untyped-def]
 def is_short(component, cell):  # type: ignore[no-untyped-def]
     """Say whether a mode is no longer than three cells, so that it is normal."""
     k1, k2 = component[K_1], component[K_2]
-    return k1 + k2 < (3.0 * cell) ** 2 * (k1 * k2 - component[COUPLING] ** 2)
+    return component[KIND] == MODE and k1 + k2 < (3.0 * cell) ** 2 * (
+        k1 * k2 - component[COUPLING] ** 2
+    )
 
 
 @jit
@@ -185,7 +189,7 @@ def sum_over_cells(component, cell, sums):  # type: ignore[no-untyped-def]
     if swapped:
         k1, k2, mean_1, mean_2 = k2, k1, mean_2, mean_1
     c = component[COUPLING]
-    reach = half_width(k1, k2, c, 10.0) / cell
+    reach = half_width(k1, k2, c, 9.0) / cell
     center = mean_1 / cell - 0.5
     total, m1, m2, s11, s22, s12 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(int(np.ceil(center - reach)), int(np.floor(center + reach)) + 1):
@@ -194,7 +198,7 @@ def sum_over_cells(component, cell, sums):  # type: ignore[no-untyped-def]
         row = -k1 * (1.0 - np.cos(d1))
         steepness = np.sqrt(k2 * k2 + sine * sine)
         middle = (mean_2 + np.arctan2(sine, k2)) / cell - 0.5
-        width = 4.5 / (np.sqrt(steepness) * cell) + 0.5
+        width = 4.2 / (np.sqrt(steepness) * cell) + 0.5
         for j in range(int(np.ceil(middle - width)), int(np.floor(middle + width)) + 1):
             d2 = (j + 0.5) * cell - mean_2
             value = np.exp(row - k2 * (1.0 - np.cos(d2)) + sine * np.sin(d2))
@@ -258,9 +262,10 @@ def _find_runs(component, cell, start, runs):  # type: ignore[no-untyped-def]
             margin += BLOCK * cell
         x, rows = _tiles(component[MEAN_1], half_width(k1, k2, c, NEGLIGIBLE) + margin)
         y, columns = _tiles(component[MEAN_2], half_width(k2, k1, c, NEGLIGIBLE) + margin)
-    # blocks are few
-    base = TILES * TILES
-    n = _add_run(start[0], start[base], 0, runs, 0)
+    base, n = TILES * TILES, 0
+    # blocks are few, and what is sharp does not lie on them
+    if not (is_sharp(component, cell) and is_short(component, cell)):
+        n = _add_run(start[0], start[base], 0, runs, 0)
     if rows == TILES and columns == TILES:
         return _add_run(start[base], start[2 * base], 1, runs, n)
     for a in range(x, x + rows):
@@ -384,7 +389,7 @@ def _cross_entropy(points, total):  # type: ignore[no-untyped-def]
     """Mean of minus the log of the density over the grid's probability."""
     value = 0.0
     for n in range(total.shape[0]):
-        value -= points[4, n] * np.log(total[n])
+        value -= np.float64(points[4, n]) * np.log(np.float64(total[n]))
     return value
 
 
@@ -790,10 +795,10 @@ def fit(  # type: ignore[no-untyped-def]
             break
         disappointed = little
     # nothing more may be added: improve what there is
-    for _ in range(int(steps)):
+    for _ in range(POLISHES):
         if divergence <= target:
             break
-        for _ in range(int(steps)):
+        for _ in range(POLISHES):
             uniform = _maximize(points, cell, components, count, run_rows, num_runs, scratch, total)
             _expect(
                 points, start, cell, components, count, uniform, run_rows, num_runs, scratch, total
