@@ -50,6 +50,9 @@ if TYPE_CHECKING:
     from pflut.localization.unscented_kalman_filter import (
         UnscentedKalmanFilter as UnscentedKalmanFilter,
     )
+    from pflut.mapping.link_evidence import LinkEvidence as LinkEvidence
+    from pflut.mapping.link_evidence import link_evidence as link_evidence
+    from pflut.mapping.link_model import LinkModel as LinkModel
     from pflut.posterior import GridPosterior as GridPosterior
     from pflut.posterior import pose_posterior as pose_posterior
     from pflut.reference_map import ReferenceMap as ReferenceMap
@@ -84,6 +87,8 @@ _NAMES = {
     "LikelihoodTable": "likelihood.table",
     "DenseTable": "likelihood.dense",
     "load_table": "likelihood.files",
+    "LinkEvidence": "mapping.link_evidence",
+    "LinkModel": "mapping.link_model",
     "Localizer": "localization.localizer",
     "Moved": "localization.resampling_policy",
     "Omnidirectional": "localization.motion",
@@ -102,6 +107,7 @@ _NAMES = {
     "estimate_relative_pose": "relpose.estimate",
     "estimate_relative_poses": "relpose.search",
     "fit_temperature": "calibration",
+    "link_evidence": "mapping.link_evidence",
     "load_camera": "camera",
     "load_dataset": "datasets",
     "match": "features",
