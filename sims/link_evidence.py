@@ -63,6 +63,7 @@ AHEAD_RULE = replace(INDOORS, min_overlap=ON_ROADS.min_overlap)
 #: The table of each model.
 TABLES = {"panorama": "panorama", "home": "home", "perspective": "panorama"}
 RESAMPLES = 1000
+FEWEST = 5  # pairs of a class that is drawn
 PIXELS = (0.5, 1.0, 2.0, 4.0)
 COLUMNS = ["set", "pairs", "linked", "score", "ap", "low", "high", "gain", "gain_low", "gain_high"]
 
@@ -237,25 +238,13 @@ def of_landmarks(
     parts = []
     for seed in tqdm(seeds, desc=name, unit="drive", disable=None):
         drive = simulate_drive(scenario, seed, home_seed=seed)
-        references, pairs, ends = drive.references, [], []
-        number = len(references)
-        for i in range(0, len(drive), every):
-            image = drive.view(i)
-            counts, landmarks = drive.matches(i)
-            for k, some in enumerate(np.split(landmarks, np.cumsum(counts)[:-1])):
-                left, right = some.T
-                ends.append((k, number + i))
-                pairs.append(
-                    Correspondences(
-                        references.azimuth[k, left],
-                        references.elevation[k, left],
-                        image.azimuth[0, right],
-                        image.elevation[0, right],
-                    )
-                )
-        poses = np.concatenate([references.poses, drive.ground_truth])
+        references = len(drive.reference_poses)
+        images = range(0, len(drive), every)
+        pairs = [pair for i in images for pair in drive.correspondences(i)]
+        ends = np.array([(k, references + i) for i in images for k in range(references)])
+        poses = np.concatenate([drive.reference_poses, drive.ground_truth])
         linked = true_links(poses, ends, drive.home.walls)
-        parts.append(measure(name, pairs, linked, np.array(ends), ["panorama"], rivals=rivals))
+        parts.append(measure(name, pairs, linked, ends, ["panorama"], rivals=rivals))
     return Measured.pooled(name, parts)
 
 
@@ -423,10 +412,11 @@ def draw(
     """Draw the reliability of the models, and precision over recall in rendered homes."""
     curves = {}
     for some in sets:
-        found = some.probabilities(models, float(some.linked.mean()))
+        found = some.probabilities(models)
         name, given = next(iter(found.items())) if some.own is None else found.popitem()
         groups = some.homes if some.homes.max() else None
-        curves[f"{some.name}: {name}"] = reliability_curve(given, some.linked, groups=groups)
+        curve = reliability_curve(given, some.linked, groups=groups)
+        curves[f"{some.name}: {name}"] = [part for part in curve if part.count >= FEWEST]
     save_figure(plot_reliability(curves, what="pairs that are linked"), output / "reliability.png")
     scores = all_scores(homes, models)
     shown = ["model home", "evidence, home table", best_ransac(homes), "matches"]

@@ -8,10 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pflut.camera import EquirectangularPanorama, Perspective
 from pflut.correspondences import Correspondences
 from pflut.likelihood.table import LikelihoodTable
 from pflut.mapping.link_evidence import LinkEvidence, link_evidence
-from pflut.mapping.link_model import FEATURES, RIDGE, LinkModel, link_features
+from pflut.mapping.link_model import (
+    FEATURES,
+    RIDGE,
+    LinkModel,
+    link_features,
+    link_model_name,
+)
 from pflut.mapping.true_links import true_links
 from pflut.reliability import average_precision, expected_calibration_error
 from pflut.simulation.landmark_drive import simulate_drive
@@ -107,24 +114,21 @@ def test_the_shipped_models_believe_what_speaks_for_a_link(name: str) -> None:
         LinkModel.default("town")  # type: ignore[arg-type]
 
 
+def test_a_model_is_named_where_it_is_known_to_hold() -> None:
+    around = EquirectangularPanorama(360, 180)
+    ahead = Perspective(200, 100, fx=100.0, fy=100.0, cx=99.5, cy=49.5)
+    named = [link_model_name(table, around) for table in ("default", "home", "perspective")]
+    assert named == ["panorama", "home", None]
+    assert link_model_name("default", ahead) is None
+
+
 def landmark_pairs(home: int) -> tuple[list[Correspondences], np.ndarray]:
     """The pairs of a reference and an image of a simulated drive, and whether they are linked."""
     drive = simulate_drive("global", home, home_seed=home)
-    references, pairs, ends = drive.references, [], []
-    for i in range(0, len(drive), 4):
-        image, (counts, landmarks) = drive.view(i), drive.matches(i)
-        for k, rows in enumerate(np.split(landmarks, np.cumsum(counts)[:-1])):
-            left, right = rows.T
-            ends.append((k, len(references) + i))
-            pairs.append(
-                Correspondences(
-                    references.azimuth[k, left],
-                    references.elevation[k, left],
-                    image.azimuth[0, right],
-                    image.elevation[0, right],
-                )
-            )
-    poses = np.concatenate([references.poses, drive.ground_truth])
+    references, images = len(drive.reference_poses), range(0, len(drive), 4)
+    pairs = [pair for i in images for pair in drive.correspondences(i)]
+    ends = [(k, references + i) for i in images for k in range(references)]
+    poses = np.concatenate([drive.reference_poses, drive.ground_truth])
     return pairs, true_links(poses, ends, drive.home.walls)
 
 
