@@ -19,8 +19,8 @@ PACKAGE = Path(pflut.__file__).parent
 # names on one line do not import each other.
 ORDER = [
     "_jit _lanes _files _cache _lazy geometry",
-    "_trig _random _robust _cells correspondences trajectory statistics",
-    "camera evaluation von_mises",
+    "_trig _random _robust _cells _jobs correspondences trajectory statistics",
+    "camera evaluation reliability von_mises",
     "features",
     "simulation",
     "datasets",

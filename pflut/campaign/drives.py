@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import json
-import multiprocessing
 import os
-import signal
-from collections.abc import Generator, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Generator
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
@@ -16,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pflut._files import read_json, write_json
+from pflut._jobs import in_processes, same_settings
 from pflut.campaign.course import Course, check_scenario, landmark_course, rendered_course
 from pflut.campaign.filters import FILTERS, make_named_filter
 from pflut.campaign.outcome import DriveOutcome
@@ -30,7 +26,6 @@ from pflut.replay.tables import choose_table, table_record
 MAX_HYPOTHESES = 8
 LEAST_WEIGHT = 0.005
 """Of a hypothesis."""
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,7 +207,7 @@ def run_campaign(
     """
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
-    _same_settings(target / "settings.json", campaign.record())
+    same_settings(target / "settings.json", campaign.record(), "drives")
     if "paper" in campaign.filters:
         # learned here once: it is then in the cache before processes ask for it
         choose_table("dense", bins=campaign.options.bins)
@@ -225,14 +220,7 @@ def run_campaign(
             path.parent.mkdir(parents=True, exist_ok=True)
             missing.append((scenario, name, seed))
     work = partial(_run_and_keep, campaign=campaign, folder=target, cached=cached)
-    if jobs == 1 or len(missing) <= 1:
-        yield from map(work, missing)
-        return
-    with _single_threaded():
-        # spawned, not forked: threads of BLAS and OpenCV do not survive a fork
-        pool = multiprocessing.get_context("spawn").Pool(min(jobs, len(missing)), _start_worker)
-    with pool:
-        yield from pool.imap_unordered(work, missing)
+    yield from in_processes(work, missing, jobs=jobs)
 
 
 def _run_and_keep(
@@ -242,43 +230,3 @@ def _run_and_keep(
     outcome = run_drive(campaign, *drive, cached=cached)
     outcome.save(outcome_file(folder, *drive))
     return outcome
-
-
-def _same_settings(path: Path, settings: Mapping[str, Any]) -> None:
-    """Refuse to mix drives of different options in one folder."""
-    wanted = json.loads(json.dumps(settings))
-    if not path.is_file():
-        write_json(path, wanted)
-        return
-    found = read_json(path)
-    if found != wanted:
-        here, there = ({**s.get("options", {}), **s} for s in (wanted, found))
-        names = sorted((set(here) | set(there)) - {"options"})
-        other = [name for name in names if here.get(name) != there.get(name)]
-        raise ValueError(
-            f"{path.parent}: holds drives with another {', '.join(other) or 'setting'}, expected "
-            "a new folder"
-        )
-
-
-@contextmanager
-def _single_threaded() -> Iterator[None]:
-    """Let processes that are started here use one thread each: they fill the cores themselves."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
-
-
-def _start_worker() -> None:
-    """Leave Ctrl-C to the parent, and the other cores to the other processes."""
-    import cv2
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    cv2.setNumThreads(1)

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Sequence
 
 import pflut
-from pflut.cli import compare, dataset, info, lut, relpose, replay, simulate
+from pflut.cli import compare, dataset, info, lut, map, relpose, replay, simulate
 
 INTERRUPTED = 130
 
@@ -21,6 +21,7 @@ examples:
   pflut replay DRIVE --start truth        a folder dataset, KITTI odometry or a home of ZInD
   pflut simulate --seeds 20               twenty simulated drives, globally lost
   pflut relpose a.png b.png --camera camera.toml
+  pflut map links DRIVE                   which of its images show one place?
   pflut info                              versions, folders, datasets that are there
 
 Every verb has its own --help. Results go to a new folder in results/; what is computed once
@@ -38,7 +39,7 @@ def make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"pflut {pflut.__version__}")
     verbs = parser.add_subparsers(title="verbs", dest="verb", metavar="VERB", required=True)
-    for verb in (replay, simulate, compare, relpose, lut, dataset, info):
+    for verb in (replay, simulate, compare, relpose, map, lut, dataset, info):
         verb.add_parser(verbs)
     return parser
 

@@ -6,7 +6,13 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any
 
-_UNITS = {"table": "corr", "references": "image", "images": "image"}
+_UNITS = {
+    "table": "corr",
+    "references": "image",
+    "images": "image",
+    "features": "image",
+    "pairs": "pair",
+}
 
 
 class Bars:

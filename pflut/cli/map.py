@@ -1,0 +1,21 @@
+"""``pflut map``: from a drive to a map; one action, one file."""
+
+from __future__ import annotations
+
+from pflut.cli import map_links
+from pflut.cli.arguments import Subparsers, add_verb
+
+
+def add_parser(verbs: Subparsers) -> None:
+    """Add the verb and its actions."""
+    parser = add_verb(
+        verbs,
+        "map",
+        "link the images of a drive (links)",
+        usage="{links} ...",
+    )
+    actions = parser.add_subparsers(
+        title="actions", metavar="ACTION", required=True, prog=parser.prog
+    )
+    for action in (map_links,):
+        action.add_parser(actions)
