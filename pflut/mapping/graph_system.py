@@ -61,7 +61,7 @@ class GraphSystem:
         distance = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
         direction = (self.position_noise / np.maximum(distance, MIN_DISTANCE)) ** 2
         noise = direction[:, None, None] * np.ones((2, 2)) + self.heading_noise**2 * np.eye(2)
-        self._whitening, self._constant = self.terms.whitened(
+        self.whitening, self.constant = self.terms.whitened(
             noise if predicted is None else noise + predicted
         )
 
@@ -84,9 +84,9 @@ class GraphSystem:
         )
         whitened = np.einsum("kij,kj->ki", self._odometry, residuals)
         cost = 0.5 * float((whitened**2).sum())
-        energies = self.terms.energies(values, self._whitening, self._constant)
+        energies = self.terms.energies(values, self.whitening, self.constant)
         if self._believed is not None:
-            shares, energy = self._kernel(energies - self._constant)
+            shares, energy = self._kernel(energies - self.constant)
         elif self.loss == "mixture":
             shares, energy = self.terms.shares(energies)
         else:
@@ -150,7 +150,7 @@ class GraphSystem:
         values, slopes = odometry_residuals(poses, graph.odometry_nodes, graph.odometry)
         chosen = np.flatnonzero(shares > FAINT)
         ends, end_slopes = headings(poses, self.nodes)
-        of_links, link_slopes = terms.residuals(ends, end_slopes, self._whitening)
+        of_links, link_slopes = terms.residuals(ends, end_slopes, self.whitening)
         root = np.sqrt(shares[chosen])[:, None]
         residuals = np.concatenate(
             [

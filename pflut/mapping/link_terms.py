@@ -83,6 +83,19 @@ class LinkTerms:
             2.0 * LOG_TURN - np.log(probability * links.uniform_weight + 1.0 - probability),
         )
 
+    def select(self, chosen: NDArray[np.intp]) -> LinkTerms:
+        """Give the components of one link by themselves."""
+        (link,) = np.unique(self.link[chosen])
+        return LinkTerms(
+            np.zeros(len(chosen), np.int64),
+            self.log_weight[chosen],
+            self.frame[chosen],
+            self.mean[chosen],
+            self.covariance[chosen],
+            self.band[chosen],
+            self.null[link : link + 1],
+        )
+
     def whitened(self, noise: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Prepare the components, with noise added to the headings.
 
