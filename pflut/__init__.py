@@ -50,8 +50,11 @@ if TYPE_CHECKING:
     from pflut.localization.unscented_kalman_filter import (
         UnscentedKalmanFilter as UnscentedKalmanFilter,
     )
+    from pflut.mapping.all_pairs import all_pairs as all_pairs
     from pflut.mapping.constraint import PoseConstraint as PoseConstraint
     from pflut.mapping.constraint import extract_constraint as extract_constraint
+    from pflut.mapping.links import Links as Links
+    from pflut.mapping.pair_linker import LinkOptions as LinkOptions
     from pflut.posterior import GridPosterior as GridPosterior
     from pflut.posterior import pose_posterior as pose_posterior
     from pflut.reference_map import ReferenceMap as ReferenceMap
@@ -87,6 +90,8 @@ _NAMES = {
     "KLDSampling": "localization.sample_size",
     "LikelihoodTable": "likelihood.table",
     "DenseTable": "likelihood.dense",
+    "LinkOptions": "mapping.pair_linker",
+    "Links": "mapping.links",
     "load_table": "likelihood.files",
     "Localizer": "localization.localizer",
     "Moved": "localization.resampling_policy",
@@ -105,6 +110,7 @@ _NAMES = {
     "UnscentedKalmanFilter": "localization.unscented_kalman_filter",
     "VonMises": "von_mises.distribution",
     "VonMisesMixture": "von_mises.mixture",
+    "all_pairs": "mapping.all_pairs",
     "coverage": "calibration",
     "estimate_relative_pose": "relpose.estimate",
     "estimate_relative_poses": "relpose.search",

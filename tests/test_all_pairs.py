@@ -18,12 +18,15 @@ import numpy as np
 import pytest
 from world import World
 
-from pflut.features import Features, match
+from pflut.datasets import Dataset
+from pflut.features import FeatureCache, FeatureExtractor, Features, match
 from pflut.features.matching import similarity_scores
 from pflut.likelihood.table import LikelihoodTable
-from pflut.mapping.all_pairs import all_pairs
+from pflut.mapping.all_pairs import all_pairs, dataset_features
 from pflut.mapping.constraint import KINDS, extract_constraint
 from pflut.mapping.feature_blocks import BLOCK, MAX_LENGTH, SCALE, FeatureBlock, in_blocks
+from pflut.mapping.link_evidence import link_evidence
+from pflut.mapping.link_model import LinkModel
 from pflut.mapping.links import Links
 from pflut.mapping.pair_batches import PairBatches
 from pflut.mapping.pair_linker import LinkOptions, PairLinker
@@ -60,11 +63,11 @@ def features() -> list[Features]:
 def link(features: list[Features], small_table: LikelihoodTable) -> Callable[..., Links]:
     """Link them in small batches."""
 
-    def call(folder: Path, likelihood: Any = small_table, **options: Any) -> Links:
+    def call(folder: Path, table: Any = small_table, **options: Any) -> Links:
         return all_pairs(
             options.pop("features", features),
             folder,
-            likelihood,
+            table,
             **{"batch_size": 8, **options},
         )
 
@@ -149,6 +152,18 @@ def test_descriptors_that_are_no_unit_vectors(features: list[Features]) -> None:
         FeatureBlock.of([features[1], shorter])
 
 
+def test_the_features_of_a_dataset(room_dataset: Dataset, room_cache: FeatureCache) -> None:
+    told: list[tuple[int, int]] = []
+    found = dataset_features(
+        room_dataset, cache=room_cache, progress=lambda *counts: told.append(counts)
+    )
+    first = next(found)
+    assert told == []  # taken one after the other
+    expected = FeatureExtractor(room_dataset.camera)(room_dataset.image(0))
+    assert np.array_equal(first.descriptors, expected.descriptors)
+    assert len(list(found)) == 23 and told == [(k, 24) for k in range(1, 25)]
+
+
 # --- which pairs -------------------------------------------------------------------------------
 
 
@@ -204,7 +219,9 @@ def test_a_link_is_what_the_two_images_say(
         assert links.num_matches[number] == len(matches)
         posterior = pose_posterior(matches, small_table, temperature=0.3)
         constraint, wanted = links.constraint(number), extract_constraint(posterior)
-        assert links.log_evidence[number] == posterior.log_evidence
+        evidence = link_evidence([matches], small_table)
+        assert links.log_evidence[number] == evidence.log_evidence[0]
+        assert links.probability[number] == LinkModel.default().probability(evidence)[0]
         assert constraint.kind == wanted.kind and constraint.entropy == wanted.entropy
         assert np.array_equal(constraint.mixture.means, wanted.mixture.means)
 
@@ -227,16 +244,45 @@ def test_few_matches_say_nothing(
     links = link(tmp_path, features=few, options=LinkOptions(min_matches=30))
     said = links.num_matches >= 30
     assert said.tolist() == [pair == [1, 2] for pair in links.indices.tolist()]
-    assert (links.log_evidence[~said] == 0.0).all()
     assert {KINDS[kind] for kind in links.kind[~said]} == {"none"}
     assert links.constraint(0).mixture.uniform_weight == 1.0
-    assert links.num_matches[(links.indices == 3).any(axis=1)].tolist() == [0] * 4
+    empty = (links.indices == 3).any(axis=1)
+    assert (links.num_matches[empty] == 0).all() and (links.log_evidence[empty] == 0.0).all()
+    assert links.probability[empty].max() < links.probability[said].min()
+
+
+def test_what_is_not_linked_says_nothing(link: Callable[..., Links], tmp_path: Path) -> None:
+    asked = link(tmp_path / "asked", options=LinkOptions(min_probability=0.0))
+    least = float(np.median(asked.probability))
+    said = link(tmp_path / "said", options=LinkOptions(min_probability=least))
+    assert np.array_equal(asked.probability, said.probability)
+    none = KINDS.index("none")
+    assert (said.kind[said.probability < least] == none).all()
+    near = said.probability >= least
+    assert np.array_equal(said.entropy[near], asked.entropy[near])
+    assert 0 < near.sum() < (asked.kind != none).sum()
+
+
+def test_a_prior_moves_the_probability(link: Callable[..., Links], tmp_path: Path) -> None:
+    odds = []
+    for prior in (None, 0.01):
+        links = link(tmp_path / str(prior), options=LinkOptions(prior=prior))
+        odds.append(np.log(links.probability / (1.0 - links.probability))[:30])
+    expected = np.log(0.01 / 0.99) + np.log(1.0 / LinkModel.default().prior - 1.0)
+    assert odds[1] - odds[0] == pytest.approx(np.full(30, expected), abs=1e-6)
 
 
 def test_options_out_of_range() -> None:
-    for name, value in (("ratio", 0.0), ("ratio", 1.1), ("min_matches", 0), ("temperature", 0.0)):
-        with pytest.raises(ValueError, match=f"^{name}: expected"):
-            LinkOptions(**{name: value})
+    for name, values in (
+        ("ratio", (0.0, 1.1)),
+        ("min_matches", (0,)),
+        ("min_probability", (-0.1, 1.1)),
+        ("temperature", (0.0,)),
+        ("prior", (0.0, 1.0)),
+    ):
+        for value in values:
+            with pytest.raises(ValueError, match=f"^{name}: expected .*got {value}"):
+                LinkOptions(**{name: value})
 
 
 # --- the run -----------------------------------------------------------------------------------
@@ -364,8 +410,8 @@ def test_the_size_of_a_batch_changes_nothing(
         ({"options": LinkOptions(min_matches=9)}, "min_matches"),
         ({"pairs": [[0, 1]]}, "pairs"),
         ({"max_candidates": 2}, "max_candidates"),
-        ({"likelihood": LikelihoodTable.default(bins=16)}, "table"),
-        ({"likelihood": LikelihoodTable.default("home", bins=32)}, "table"),
+        ({"table": LikelihoodTable.default(bins=16)}, "table"),
+        ({"table": LikelihoodTable.default("home", bins=32)}, "table"),
         ({"features": seen_along_a_line()[:-1]}, "features, num_images"),
         ({"features": seen_along_a_line()[::-1]}, "features"),
     ],

@@ -94,8 +94,8 @@ def test_commands_exist(name: str) -> None:
             continue
         if words[0] != "pflut" or words[1] in ("VERB", "--help", "--version"):
             continue
-        verb = " ".join(words[1:3]) if words[1] in ("lut", "dataset") else words[1]
-        if verb in ("lut", "dataset"):  # the verb alone, in running text
+        verb = " ".join(words[1:3]) if words[1] in ("lut", "dataset", "map") else words[1]
+        if verb in ("lut", "dataset", "map"):  # the verb alone, in running text
             continue
         assert verb in options(), f"{name}: {command}"
         for word in words:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,7 +25,6 @@ from pflut.replay.options import ReplayOptions
 if TYPE_CHECKING:
     from pflut.cli.progress import Bars
     from pflut.datasets.base import Dataset
-    from pflut.features import Features
     from pflut.mapping.links import Links
 
 LINK_OPTIONS = (
@@ -97,6 +95,14 @@ def add_link_options(parser: argparse.ArgumentParser) -> None:
         default=1,
         help="and in any case with the N images before and after it (default: %(default)s)",
     )
+    parser.add_argument(
+        "--prior",
+        metavar="SHARE",
+        type=_share,
+        help="of linked pairs among those that are matched: about one in four of all pairs of a "
+        "home, one in thousands of a town, most of those that look alike (default: as where the "
+        "model was learned)",
+    )
     parser.add_argument("--jobs", metavar="N", type=positive, help="processes (default: all cores)")
     parser.add_argument(
         "--scheduler",
@@ -121,7 +127,7 @@ def run(arguments: argparse.Namespace) -> None:
 
     with Bars() as bars:
         dataset = load(arguments.dataset, None, progress=bars)
-        begun = arguments.output is not None and (arguments.output / "settings.json").is_file()
+        begun = arguments.output is not None and _begun(arguments.output)
         folder = create_results_folder(arguments.output, f"{dataset.name} links", overwrite=begun)
         links = linked(arguments, dataset, options, folder, bars)
     record = run_record(
@@ -133,6 +139,13 @@ def run(arguments: argparse.Namespace) -> None:
     write_json(folder / "run.json", record)
     print(_report(dataset, links))
     print(f"results: {folder}")
+
+
+def _begun(folder: Path) -> bool:
+    """Whether a folder holds pairs of a former run, or nothing but its features."""
+    if (folder / "settings.json").is_file():
+        return True
+    return folder.is_dir() and [path.name for path in folder.iterdir()] == ["work"]
 
 
 def linked(
@@ -164,13 +177,17 @@ def linked(
         Saying how many pairs are kept.
     """
     from pflut.likelihood.sampling import available_cores
-    from pflut.mapping.all_pairs import all_pairs
+    from pflut.likelihood.table import LikelihoodTable
+    from pflut.mapping.all_pairs import all_pairs, dataset_features
     from pflut.mapping.pair_linker import LinkOptions
+    from pflut.replay.pipeline import make_extractor
     from pflut.replay.tables import choose_table
 
     table = choose_table(
         options.table, bins=options.bins, camera=dataset.camera, progress=bars.stage("table")
     )
+    if not isinstance(table, LikelihoodTable):
+        raise ValueError(f"{options.table}: a dense table, expected a residual one")
     counted = (0, 0)
 
     def progress(done: int, total: int) -> None:
@@ -180,7 +197,12 @@ def linked(
 
     try:
         return all_pairs(
-            _features(arguments, dataset, options, bars),
+            dataset_features(
+                dataset,
+                make_extractor(dataset, options),
+                cache=feature_cache(arguments),
+                progress=bars.stage("features"),
+            ),
             folder,
             table,
             max_candidates=arguments.max_candidates,
@@ -189,6 +211,7 @@ def linked(
                 ratio=options.ratio,
                 mutual=options.mutual,
                 min_matches=options.min_matches,
+                prior=arguments.prior,
                 temperature=options.temperature,
             ),
             jobs=arguments.jobs or available_cores(),
@@ -202,19 +225,6 @@ def linked(
         raise KeyboardInterrupt(
             f"{done} kept in {folder}; the same command with --output {folder} goes on"
         ) from None
-
-
-def _features(
-    arguments: argparse.Namespace, dataset: Dataset, options: ReplayOptions, bars: Bars
-) -> Iterator[Features]:
-    """Give the features of one image after the other."""
-    from pflut.replay.pipeline import make_extractor
-
-    extractor, cache = make_extractor(dataset, options), feature_cache(arguments)
-    for index in range(len(dataset)):
-        image = dataset.image(index)
-        yield extractor(image) if cache is None else cache(extractor, image)
-        bars("features", index + 1, len(dataset))
 
 
 def _report(dataset: Dataset, links: Links) -> str:
@@ -236,3 +246,11 @@ def _report(dataset: Dataset, links: Links) -> str:
     images = len(np.unique(links.indices[probable]))
     lines += ["", f"linked: probability above 0.5; {images} images have such links"]
     return "\n".join(lines)
+
+
+def _share(text: str) -> float:
+    """Parse a share between 0 and 1."""
+    value = float(text)
+    if not 0.0 < value < 1.0:
+        raise argparse.ArgumentTypeError(f"expected a number in (0, 1), got {text}")
+    return value

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 
@@ -18,23 +18,63 @@ from numpy.typing import ArrayLike, NDArray
 
 from pflut._files import checksum, replacing
 from pflut._jobs import in_processes, same_settings
-from pflut.features import Features
+from pflut.datasets.base import Dataset
+from pflut.features import FeatureCache, FeatureExtractor, Features
 from pflut.likelihood.table import LikelihoodTable
 from pflut.mapping.cluster import on_cluster
 from pflut.mapping.feature_blocks import SCALE, digest_of, in_blocks
 from pflut.mapping.link_model import LinkModel
 from pflut.mapping.links import Links
 from pflut.mapping.pair_batches import BATCH, PairBatches
-from pflut.mapping.pair_linker import Likelihood, LinkOptions, PairLinker
+from pflut.mapping.pair_linker import LinkOptions, PairLinker
 from pflut.mapping.proposals import alike, all_of, image_signatures
 
 Progress = Callable[[int, int], None]
 
 
+def dataset_features(
+    dataset: Dataset,
+    extractor: FeatureExtractor | None = None,
+    *,
+    cache: FeatureCache | None = None,
+    progress: Progress | None = None,
+) -> Iterator[Features]:
+    """Give the features of a dataset's images one after the other, as `all_pairs` takes them.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    extractor : FeatureExtractor, optional
+        Default: `FeatureExtractor` of the dataset's camera and masks.
+    cache : FeatureCache, optional
+        Features are looked up there, and kept.
+    progress : callable, optional
+        Called as ``progress(images_done, images)``.
+
+    Yields
+    ------
+    Features
+
+    Raises
+    ------
+    ValueError
+        If an image does not decode.
+    """
+    if extractor is None:
+        extractor = FeatureExtractor(
+            dataset.camera, mask_elevation=dataset.mask_elevation, mask=dataset.mask
+        )
+    for index in range(len(dataset)):
+        image = dataset.image(index)
+        yield extractor(image) if cache is None else cache(extractor, image)
+        if progress is not None:
+            progress(index + 1, len(dataset))
+
+
 def all_pairs(
     features: Iterable[Features],
     folder: str | os.PathLike[str],
-    likelihood: Likelihood | None = None,
+    table: LikelihoodTable | None = None,
     *,
     pairs: ArrayLike | None = None,
     max_candidates: int | None = None,
@@ -55,7 +95,7 @@ def all_pairs(
     folder : path
         Gets each batch of links as soon as it is done, and in the end ``links.npz``. A run that was
         interrupted, even by kill -9, goes on where it was.
-    likelihood : LikelihoodTable or DenseTable, optional
+    table : LikelihoodTable, optional
         Default: `LikelihoodTable.default`.
     pairs : array_like of shape (n, 2), optional
         Which ones, the smaller index first. Default: what the next two say.
@@ -65,7 +105,7 @@ def all_pairs(
         The images so many before and after an image are matched with it in any case.
     options : LinkOptions, optional
     link_model : LinkModel, optional
-        Default: `LinkModel.default`.
+        That judges evidence of this table. Default: `LinkModel.default`.
     jobs : int
         Processes; 1 works in this one. With more, a script that calls this needs the usual
         ``if __name__ == "__main__":``.
@@ -93,7 +133,7 @@ def all_pairs(
         If a scheduler is given and dask.distributed is not installed.
     """
     linker = PairLinker(
-        likelihood=likelihood or LikelihoodTable.default(),
+        table=table or LikelihoodTable.default(),
         options=options or LinkOptions(),
         link_model=link_model or LinkModel.default(),
     )

@@ -55,7 +55,7 @@ class Links:
         Of the images: the reference view L, which is the smaller one, and the query view R.
     num_matches : ndarray of shape (n,), int
     log_evidence : ndarray of shape (n,)
-        See `GridPosterior.log_evidence`; zero where there were too few matches for a posterior.
+        Of the matches, that the pair is linked, see `LinkEvidence`: at temperature 1.
     probability : ndarray of shape (n,)
         That the pair is linked.
     kind : ndarray of shape (n,), int

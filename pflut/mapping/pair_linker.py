@@ -11,17 +11,15 @@ from numpy.typing import NDArray
 
 from pflut.correspondences import Correspondences
 from pflut.features import Features, match_many
-from pflut.likelihood.dense import DenseTable
 from pflut.likelihood.table import LikelihoodTable
 from pflut.mapping.constraint import PoseConstraint, extract_constraint
+from pflut.mapping.link_evidence import link_evidence
 from pflut.mapping.link_model import LinkModel
 from pflut.mapping.links import Links
 from pflut.posterior import check_temperature, pose_posterior
 from pflut.von_mises.mixture import VonMisesMixture
 
-Likelihood = LikelihoodTable | DenseTable
-
-#: Of a pair with too few matches for a posterior.
+#: Of a pair without a posterior.
 NOTHING_KNOWN = PoseConstraint(
     kind="none",
     mixture=VonMisesMixture(uniform_weight=1.0),
@@ -42,8 +40,12 @@ class LinkOptions:
         Whether matches must be each other's nearest.
     min_matches : int
         A pair with fewer gets no posterior: its constraint says nothing.
+    min_probability : float
+        Nor does a pair that is linked less probably, in [0, 1].
     temperature : float
-        Factor on the log-likelihood in (0, 1], see `pose_posterior`.
+        Of the posteriors: factor on the log-likelihood in (0, 1], see `pose_posterior`.
+    prior : float, optional
+        Share in (0, 1) of linked pairs among all, see `LinkModel.log_odds`. Default: the model's.
 
     Raises
     ------
@@ -54,14 +56,22 @@ class LinkOptions:
     ratio: float = 0.8
     mutual: bool = True
     min_matches: int = 4
+    min_probability: float = 0.01
     temperature: float = 0.3
+    prior: float | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 < self.ratio <= 1.0:
             raise ValueError(f"ratio: expected a number in (0, 1], got {self.ratio}")
         if self.min_matches < 1:
             raise ValueError(f"min_matches: expected at least 1, got {self.min_matches}")
+        if not 0.0 <= self.min_probability <= 1.0:
+            raise ValueError(
+                f"min_probability: expected a number in [0, 1], got {self.min_probability}"
+            )
         check_temperature(self.temperature)
+        if self.prior is not None and not 0.0 < self.prior < 1.0:
+            raise ValueError(f"prior: expected a share in (0, 1), got {self.prior}")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -70,13 +80,14 @@ class PairLinker:
 
     Parameters
     ----------
-    likelihood : LikelihoodTable or DenseTable
+    table : LikelihoodTable
         Its bins are those of the posteriors.
     options : LinkOptions
     link_model : LinkModel
+        That judges evidence of this table.
     """
 
-    likelihood: Likelihood
+    table: LikelihoodTable
     options: LinkOptions
     link_model: LinkModel
 
@@ -97,19 +108,20 @@ class PairLinker:
         """
         options = self.options
         correspondences = self._matched(features, pairs)
-        evidence, constraints = [], []
-        for matches in correspondences:
-            if len(matches) < options.min_matches:
-                evidence.append(0.0)
-                constraints.append(NOTHING_KNOWN)
-                continue
-            posterior = pose_posterior(matches, self.likelihood, temperature=options.temperature)
-            evidence.append(posterior.log_evidence)
-            constraints.append(extract_constraint(posterior))
-        counts = np.array([len(matches) for matches in correspondences], dtype=np.int64)
-        log_evidence = np.array(evidence, dtype=np.float64)
-        probability = self.link_model.probability(num_matches=counts, log_evidence=log_evidence)
-        return Links.of(pairs, counts, log_evidence, probability, constraints)
+        evidence = link_evidence(correspondences, self.table)
+        probability = self.link_model.probability(evidence, prior=options.prior)
+        worth = (evidence.num_matches >= options.min_matches) & (
+            probability >= options.min_probability
+        )
+        constraints = [
+            extract_constraint(pose_posterior(matches, self.table, temperature=options.temperature))
+            if chosen
+            else NOTHING_KNOWN
+            for matches, chosen in zip(correspondences, worth, strict=True)
+        ]
+        return Links.of(
+            pairs, evidence.num_matches, evidence.log_evidence, probability, constraints
+        )
 
     def _matched(
         self, features: Mapping[int, Features], pairs: NDArray[np.integer]
@@ -135,9 +147,13 @@ class PairLinker:
 
     def record(self) -> dict[str, Any]:
         """Say what the links depend on besides the features, for a JSON file."""
-        table = self.likelihood
+        table, model = self.table, self.link_model
         return {
             "table": {"bins": table.bins, "learned_from": table.learned_from},
-            "link_model": self.link_model.record(),
+            "link_model": {
+                "weights": model.weights.tolist(),
+                "bias": model.bias,
+                "prior": model.prior,
+            },
             "options": asdict(self.options),
         }

@@ -1,0 +1,97 @@
+"""``pflut map links``: what it prints and writes, gone on with, and wrong input."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from command_line import Run, refused
+
+from pflut.cli.progress import Bars
+from pflut.mapping.constraint import KINDS
+from pflut.mapping.links import Links
+
+pytestmark = pytest.mark.usefixtures("own_folder")
+LINK = ("map", "links", "simulated-home", "--jobs", 1, "--bins", 32, "--output", "out")
+
+
+def test_all_images_of_a_home(run: Run) -> None:
+    outcome = run(*LINK)
+    assert outcome.code == 0 and outcome.err == ""
+    lines = outcome.out.splitlines()
+    assert lines[0].endswith("24 images, 276 pairs") and lines[-1] == "results: out"
+    links = Links.load("out/links.npz")
+    counted = {words[0]: list(map(int, words[1:])) for words in map(str.split, lines[3:8])}
+    for code, kind in enumerate(KINDS):
+        those = links.kind == code
+        assert counted[kind] == [those.sum(), (links.probability[those] > 0.5).sum()]
+    assert counted["all"] == [276, (links.probability > 0.5).sum()]
+    record = json.loads(Path("out/run.json").read_text())
+    assert len(record["images"]) == 24 and record["arguments"]["bins"] == 32
+    # it is there, and not done again
+    before = Path("out/links.npz").stat().st_mtime_ns
+    assert run(*LINK).out == outcome.out
+    assert Path("out/links.npz").stat().st_mtime_ns == before
+
+
+def test_those_that_look_alike(run: Run) -> None:
+    outcome = run(*LINK, "--max-candidates", 2, "--neighbours", 2)
+    assert outcome.code == 0
+    pairs = set(map(tuple, Links.load("out/links.npz").indices.tolist()))
+    assert 45 <= len(pairs) <= 93
+    assert {(k, k + gap) for gap in (1, 2) for k in range(24 - gap)} <= pairs
+
+
+def test_interrupted_and_gone_on_with(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    call = Bars.__call__
+
+    def stop(bars: Bars, stage: str, done: int, total: int) -> None:
+        call(bars, stage, done, total)
+        if stage == stopped and done >= 1:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("pflut.mapping.all_pairs.BATCH", 100)
+    monkeypatch.setattr(Bars, "__call__", stop)
+    stopped = "features"
+    outcome = run(*LINK)
+    assert outcome.code == 130 and outcome.out == ""
+    assert outcome.err.strip() == (
+        "pflut: interrupted: no pair is kept in out; the same command with --output out goes on"
+    )
+    stopped = "pairs"
+    outcome = run(*LINK)
+    assert outcome.code == 130
+    assert "pflut: interrupted: 276 of 276 pairs" in outcome.err
+    stopped = ""
+    assert run(*LINK).code == 0 and len(Links.load("out/links.npz")) == 276
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("--temperature", 0.5), ("out: holds links with another temperature",)),
+        (("--bins", 16), ("out: holds links with another table",)),
+        (("--max-features", 50), ("out: holds links with another features",)),
+        (("--prior", 0.01), ("out: holds links with another prior",)),
+        (("--max-candidates", 3), ("out: holds links with another max_candidates",)),
+    ],
+)
+def test_other_options(run: Run, change: tuple[Any, ...], words: tuple[str, ...]) -> None:
+    assert run(*LINK, "--max-candidates", 1).code == 0
+    refused(run(*LINK, "--max-candidates", 1, *change), *words, "expected a new folder")
+
+
+def test_wrong_input(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    refused(run("map", "links", "nowhere"), "nowhere")
+    refused(run(*LINK, "--scheduler", "nowhere"), "scheduler: no answer from nowhere")
+    assert run("map", "links").code == 2
+    assert run(*LINK, "--neighbours", -1).code == 2
+    assert run(*LINK, "--ratio", 1.5).code == 2
+    assert run(*LINK, "--prior", 1.0).code == 2
+    Path("full").mkdir()
+    Path("full/file").touch()
+    refused(run(*LINK[:-1], "full"), "full: holds something already, expected a new folder")
+    monkeypatch.setitem(__import__("sys").modules, "distributed", None)
+    refused(run(*LINK, "--scheduler", "tcp://127.0.0.1:1"), "pip install 'pflut[cluster]'")
