@@ -53,6 +53,7 @@ from pflut.pair_errors import ErrorSummary, PairErrors
 from pflut.pairs import ImagePair, correspondences_and_headings, dataset_pairs
 from pflut.plot import save_figure
 from pflut.plot.style import CYCLE, new_figure, tidy
+from pflut.reliability import draws_of_pairs
 from pflut.replay.options import ReplayOptions
 from pflut.replay.pipeline import make_extractor
 from pflut.statistics import bootstrap_median_ratio
@@ -104,13 +105,9 @@ class Measured:
     ) -> Measured:
         """Run the estimators."""
         ends = np.array([(pair.index_l, pair.index_r) for pair in pairs])
-        images, ends = np.unique(ends, return_inverse=True)
-        chance = np.full(len(images), 1.0 / len(images))
         # of every set another stream: pooled, they are independent
-        stream = np.random.default_rng([len(images), len(pairs)])
-        times = stream.multinomial(len(images), chance, size=RESAMPLES)
-        # a pair is there as often as both of its images are
-        draws = times[:, ends.reshape(-1, 2)].prod(axis=2).astype(np.int16)
+        stream = np.random.default_rng([len(np.unique(ends)), len(pairs)])
+        draws = draws_of_pairs(ends, resamples=RESAMPLES, rng=stream)
         distance = np.array([pair.distance for pair in pairs])
         errors = compare_estimators(estimators, *correspondences_and_headings(pairs))
         return cls(name, errors, distance, draws)

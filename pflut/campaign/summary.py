@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,34 +10,11 @@ import numpy as np
 
 from pflut.campaign.outcome import DriveOutcome
 from pflut.evaluation import bootstrap_median, success_rate, summarize
+from pflut.reliability import CalibrationBin, reliability_curve, share_interval
 
 WITHIN = 6
 RECOVERED_WITHIN = 15
 SURE = 0.9
-RESAMPLES = 2000
-
-
-@dataclass(frozen=True)
-class CalibrationBin:
-    """Images of about one confidence.
-
-    Parameters
-    ----------
-    predicted : float
-        Their mean confidence.
-    observed : float
-        Share of them within 0.5 m and 10 degrees of the truth.
-    low, high : float
-        95 % interval of that, by bootstrap over drives: the images of one are not independent.
-    count : int
-        Images.
-    """
-
-    predicted: float
-    observed: float
-    low: float
-    high: float
-    count: int
 
 
 def read_campaign(folder: Path) -> list[DriveOutcome]:
@@ -155,31 +131,18 @@ def calibration_curve(
     Returns
     -------
     list of CalibrationBin
-        Classes without images are left out.
+        Classes without images are left out. Happened means within 0.5 m and 10 degrees of the
+        truth; intervals are by bootstrap over drives, the images of one being dependent.
     """
-    bounds = np.array(
-        [*np.arange(0.0, 0.85, 0.1), 0.9, 0.95, 0.99, 1.0] if edges is None else edges
+    bounds = [*np.arange(0.0, 0.85, 0.1), 0.9, 0.95, 0.99, 1.0] if edges is None else edges
+    if not outcomes:
+        return []
+    return reliability_curve(
+        np.concatenate([outcome.confidence for outcome in outcomes]),
+        np.concatenate([outcome.good for outcome in outcomes]),
+        edges=bounds,
+        groups=np.repeat(np.arange(len(outcomes)), [len(outcome) for outcome in outcomes]),
     )
-    places = [np.digitize(o.confidence, bounds[1:-1]) for o in outcomes]
-    curve = []
-    for k in range(len(bounds) - 1):
-        inside = [place == k for place in places]
-        counts = np.array([int(i.sum()) for i in inside])
-        if not counts.sum():
-            continue
-        right = [int((o.good & i).sum()) for o, i in zip(outcomes, inside, strict=True)]
-        confidences = [np.array(o.confidence)[i] for o, i in zip(outcomes, inside, strict=True)]
-        observed = _share(right, counts.tolist())
-        curve.append(
-            CalibrationBin(
-                float(np.concatenate(confidences).mean()),
-                observed["share"],
-                observed["low"],
-                observed["high"],
-                int(counts.sum()),
-            )
-        )
-    return curve
 
 
 def _soon(index: int | None, within: int) -> bool:
@@ -193,10 +156,5 @@ def _count_to(indices: Iterable[int | None]) -> dict[str, Any]:
 
 def _share(hits: Sequence[int], counts: Sequence[int]) -> dict[str, float]:
     """Give the share of hits and its interval, by bootstrap over drives."""
-    rng = np.random.default_rng(0)
-    drives = len(counts)
-    draws = rng.multinomial(drives, np.full(drives, 1.0 / drives), size=RESAMPLES)
-    with np.errstate(invalid="ignore"):
-        shares = (draws @ np.asarray(hits)) / (draws @ np.asarray(counts))
-    low, high = np.nanquantile(shares, (0.025, 0.975))
-    return {"share": sum(hits) / sum(counts), "low": float(low), "high": float(high)}
+    low, high = share_interval(hits, counts)
+    return {"share": sum(hits) / sum(counts), "low": low, "high": high}

@@ -1,0 +1,325 @@
+"""The probability that two images are linked: logistic regression on the evidence."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.resources import as_file, files
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pflut._files import checksum, read_json, write_json
+from pflut.geometry import FloatArray
+from pflut.mapping.link_evidence import DIRECTIONS, LinkEvidence
+
+FORMAT = "pflut link model"
+VERSION = 1
+RIDGE = 1.0
+"""Inverse variance of the weights of standardised features, beforehand."""
+MAX_STEPS = 100
+Name = Literal["panorama", "home", "perspective"]
+SHIPPED = {name: f"links_{name}.json" for name in ("panorama", "home", "perspective")}
+
+
+FEATURES = ("log_evidence", "num_matches", "num_directions")
+
+
+def link_features(evidence: LinkEvidence) -> FloatArray:
+    """Return what the model weighs, of shape (n, 3).
+
+    Evidence and the number of matches reach from nothing to thousands, and the first of them say
+    most: their logarithms are weighed.
+
+    Parameters
+    ----------
+    evidence : LinkEvidence
+
+    Returns
+    -------
+    ndarray of shape (n, len(FEATURES))
+    """
+    return np.stack(
+        [
+            np.arcsinh(evidence.log_evidence),
+            np.log1p(evidence.num_matches),
+            evidence.num_directions / DIRECTIONS,
+        ],
+        axis=1,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class LinkModel:
+    """The probability that two images are linked, given what their matches say.
+
+    The log-odds of a link are a weighted sum of `link_features`; what counts as a link is said in
+    `pflut.mapping.true_links`. A probability is for pairs of which a share ``prior`` is linked;
+    that of the pairs it was learned from is kept, and another one moves the log-odds.
+
+    Parameters
+    ----------
+    weights : array_like of shape (len(FEATURES),)
+        Of the features as they are.
+    bias : float
+        The log-odds where all features are zero.
+    prior : float
+        Share in (0, 1) of linked pairs among those it was learned from.
+    learned_from : dict
+        How it was learned; stored in its file.
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite or out of its range, or there are not as many weights.
+    """
+
+    weights: FloatArray
+    bias: float
+    prior: float
+    learned_from: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        weights = np.ascontiguousarray(self.weights, dtype=np.float64)
+        if weights.shape != (len(FEATURES),) or not np.isfinite(weights).all():
+            raise ValueError(f"weights: expected {len(FEATURES)} finite numbers, got {weights}")
+        if not np.isfinite(self.bias):
+            raise ValueError(f"bias: expected a finite number, got {self.bias}")
+        object.__setattr__(self, "weights", weights)
+        object.__setattr__(self, "bias", float(self.bias))
+        object.__setattr__(self, "prior", float(_checked_prior(self.prior)))
+
+    def log_odds(self, evidence: LinkEvidence, *, prior: float | None = None) -> FloatArray:
+        """Compute the log-odds of a link.
+
+        Parameters
+        ----------
+        evidence : LinkEvidence
+            Of n pairs, with the table that the model was learned with.
+        prior : float, optional
+            Share in (0, 1) of linked pairs among those that are asked about: about one in four of
+            all pairs of a home's images, one in thousands of those of a town, most of what a
+            retrieval proposes. Default: that of the pairs the model was learned from.
+
+        Returns
+        -------
+        ndarray of shape (n,)
+
+        Raises
+        ------
+        ValueError
+            If the prior is out of its range.
+        """
+        # not a matrix product: the same pair has the same odds whatever the others are
+        odds = (link_features(evidence) * self.weights).sum(axis=1) + self.bias
+        if prior is not None:
+            odds = odds + _logit(_checked_prior(prior)) - _logit(self.prior)
+        return np.asarray(odds)
+
+    def probability(self, evidence: LinkEvidence, *, prior: float | None = None) -> FloatArray:
+        """Compute the probability of a link.
+
+        Parameters
+        ----------
+        evidence, prior
+            See `log_odds`.
+
+        Returns
+        -------
+        ndarray of shape (n,)
+            In (0, 1).
+
+        Raises
+        ------
+        ValueError
+            If the prior is out of its range.
+        """
+        return _sigmoid(self.log_odds(evidence, prior=prior))
+
+    @classmethod
+    def learn(
+        cls,
+        evidence: LinkEvidence,
+        linked: ArrayLike,
+        *,
+        weights: ArrayLike | None = None,
+        learned_from: Mapping[str, Any] | None = None,
+    ) -> LinkModel:
+        """Learn a model from pairs of which it is known whether they are linked.
+
+        Logistic regression by Newton's method, with a normal prior of variance one on the weights
+        of the standardised features: pairs that can be told apart perfectly give finite weights.
+
+        Parameters
+        ----------
+        evidence : LinkEvidence
+            Of n pairs.
+        linked : array_like of bool, shape (n,)
+            See `pflut.mapping.true_links`; some must be, and some not.
+        weights : array_like of shape (n,), optional
+            How often each pair counts.
+        learned_from : mapping, optional
+            JSON-serialisable, kept with the model.
+
+        Returns
+        -------
+        LinkModel
+
+        Raises
+        ------
+        ValueError
+            If the shapes differ, or all pairs are linked or none.
+        """
+        yes = np.asarray(linked, dtype=bool)
+        times = np.ones(len(evidence)) if weights is None else np.asarray(weights, np.float64)
+        if not yes.shape == times.shape == (len(evidence),):
+            raise ValueError(
+                f"linked, weights: expected shape ({len(evidence)},), got {yes.shape} "
+                f"and {times.shape}"
+            )
+        if not np.isfinite(times).all() or (times < 0.0).any():
+            raise ValueError("weights: expected finite numbers that are not negative")
+        total = times.sum()
+        share = times @ yes / total if total > 0.0 else 0.0
+        if not 0.0 < share < 1.0:
+            raise ValueError("linked: expected pairs that are, and pairs that are not")
+        raw = link_features(evidence)
+        mean = times @ raw / total
+        scale = np.sqrt(times @ (raw - mean) ** 2 / total)
+        scale[scale < 1e-9] = 1.0
+        features = np.column_stack([(raw - mean) / scale, np.ones(len(raw))])
+        found = _newton(features, yes, times, float(_logit(share)))
+        slopes = found[:-1] / scale
+        about = dict(learned_from or {}) | {"pairs": len(yes), "linked": int(yes.sum())}
+        return cls(slopes, float(found[-1] - slopes @ mean), float(share), about)
+
+    @classmethod
+    def default(cls, name: Name = "panorama") -> LinkModel:
+        """Return a model that comes with pflut, learned from rendered homes.
+
+        Parameters
+        ----------
+        name : {"panorama", "home", "perspective"}
+            "panorama" judges evidence of the default table, "home" that of the table for homes,
+            both of panoramas; "perspective" that of the default table and of cameras that look
+            ahead.
+
+        Returns
+        -------
+        LinkModel
+
+        Raises
+        ------
+        ValueError
+            If the name is another.
+        """
+        if name not in SHIPPED:
+            raise ValueError(f"name: expected one of {', '.join(SHIPPED)}, got {name!r}")
+        with as_file(files("pflut.mapping").joinpath(SHIPPED[name])) as path:
+            return cls.load(path)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the model to a JSON file, atomically.
+
+        Parameters
+        ----------
+        path : path
+        """
+        content = self._content()
+        write_json(path, content | {"checksum": _checksum(content)})
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> LinkModel:
+        """Read a model from its file.
+
+        Parameters
+        ----------
+        path : path
+
+        Returns
+        -------
+        LinkModel
+
+        Raises
+        ------
+        ValueError
+            If the file is damaged, or of another kind or version.
+        FileNotFoundError
+            If there is no such file.
+        """
+        content = read_json(path)
+        if content.get("format") != FORMAT:
+            raise ValueError(f"{path}: not a {FORMAT}")
+        if content.get("version") != VERSION or content.get("features") != list(FEATURES):
+            raise ValueError(
+                f"{path}: link model version {content.get('version')}, expected {VERSION}; "
+                "learn it again or upgrade pflut"
+            )
+        stated = content.pop("checksum", None)
+        if stated != _checksum(content):
+            raise ValueError(f"{path}: checksum does not match, the file is damaged")
+        try:
+            return cls(*(content[name] for name in ("weights", "bias", "prior", "learned_from")))
+        except (KeyError, TypeError, ValueError) as error:
+            raise ValueError(f"{path}: damaged {FORMAT} ({error})") from None
+
+    def _content(self) -> dict[str, Any]:
+        return {
+            "format": FORMAT,
+            "version": VERSION,
+            "features": list(FEATURES),
+            "weights": self.weights.tolist(),
+            "bias": self.bias,
+            "prior": self.prior,
+            "learned_from": self.learned_from,
+        }
+
+
+def _newton(features: FloatArray, yes: Any, times: FloatArray, start: float) -> FloatArray:
+    """Maximise the penalised likelihood; the last feature is the constant, with no penalty."""
+    found = np.zeros(features.shape[1])
+    found[-1] = start
+    ridge = np.full(len(found), RIDGE)
+    ridge[-1] = 0.0
+
+    def loss(weights: FloatArray) -> float:
+        odds = features @ weights
+        return float(times @ (np.logaddexp(0.0, odds) - yes * odds) + 0.5 * ridge @ weights**2)
+
+    here = loss(found)
+    for _ in range(MAX_STEPS):
+        p = _sigmoid(features @ found)
+        slope = features.T @ (times * (p - yes)) + ridge * found
+        curvature = (features * (times * p * (1.0 - p))[:, None]).T @ features + np.diag(ridge)
+        step = np.linalg.solve(curvature + 1e-12 * np.eye(len(found)), slope)
+        # the loss is convex, but a whole step may go beyond its other side
+        factor = 1.0
+        while (there := loss(found - factor * step)) > here and factor > 1e-6:
+            factor *= 0.5
+        if there > here:
+            break
+        found, gained, here = found - factor * step, here - there, there
+        if gained <= 1e-12 * (1.0 + abs(here)):
+            break
+    return found
+
+
+def _checksum(content: Mapping[str, Any]) -> str:
+    return checksum(json.dumps(content, sort_keys=True), {})
+
+
+def _sigmoid(odds: FloatArray) -> FloatArray:
+    return np.asarray(np.exp(-np.logaddexp(0.0, -odds)))
+
+
+def _logit(share: float) -> float:
+    return float(np.log(share) - np.log1p(-share))
+
+
+def _checked_prior(prior: float) -> float:
+    if not 0.0 < prior < 1.0:
+        raise ValueError(f"prior: expected a share in (0, 1), got {prior}")
+    return prior

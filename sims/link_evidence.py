@@ -1,0 +1,399 @@
+"""Do two images show one place? The probability of a link: learned, and checked.
+
+    python sims/link_evidence.py [--quick] [--real PATH ...] [--output DIR]
+
+Learns the models that come with pflut from all pairs of the images of rendered homes 100 to 111,
+every other image, and checks them on homes 200 to 209, on simulated drives through homes of
+landmarks, and on real datasets. What is linked is said in `pflut.mapping.true_links`. Per set:
+
+evidence    the log-evidence of the matches, nothing learned
+model       the probability of the learned model, with the same table
+RANSAC      inliers of pflut's 2-point and 3-point RANSAC, with four noises, and for cameras that
+            look ahead of OpenCV's essential matrix (MAGSAC), with four thresholds; the best of them
+            is chosen on the very pairs that it is compared on
+matches     their number
+
+Prints average precisions with 95 % intervals by bootstrap over images (and homes), those of their
+differences from the best RANSAC, and the expected calibration errors. Writes the models, a CSV and
+two figures.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from pflut import Correspondences, LikelihoodTable, load_dataset, match, ransac_relative_poses
+from pflut._files import write_csv
+from pflut.camera import Perspective
+from pflut.comparison import NOISES
+from pflut.datasets import Dataset, load_simulated_home
+from pflut.features import FeatureCache, Features
+from pflut.geometry import bearing_vectors, wrap_to_pi
+from pflut.mapping.link_evidence import LinkEvidence, link_evidence
+from pflut.mapping.link_model import LinkModel
+from pflut.mapping.true_links import INDOORS, dataset_links, true_links
+from pflut.plot import plot_precision_recall, plot_reliability, save_figure
+from pflut.reliability import (
+    average_precision,
+    draws_of_pairs,
+    expected_calibration_error,
+    precision_recall,
+    reliability_curve,
+)
+from pflut.replay.options import ReplayOptions
+from pflut.replay.pipeline import make_extractor
+from pflut.simulation.landmark_drive import simulate_drive
+
+LEARNED, CHECKED = range(100, 112), range(200, 210)
+LANDMARK_DRIVES = {"landmarks": "global", "landmarks, 90 % mismatches": "mismatches"}
+#: Of the camera that looks ahead; of a car's, about KITTI's.
+AHEAD = float(np.radians(82.0))
+#: The table of each model.
+TABLES = {"panorama": "panorama", "home": "home", "perspective": "panorama"}
+RESAMPLES = 1000
+PIXELS = (0.5, 1.0, 2.0, 4.0)
+COLUMNS = ["set", "pairs", "linked", "score", "ap", "low", "high", "gain", "gain_low", "gain_high"]
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Pairs of images, whether they are linked, and what speaks for it.
+
+    `ends` are the images of each pair, other numbers in every home; `homes` the home's number.
+    """
+
+    name: str
+    linked: np.ndarray
+    ends: np.ndarray
+    homes: np.ndarray
+    evidence: Mapping[str, LinkEvidence]
+    scores: Mapping[str, np.ndarray]
+
+    @classmethod
+    def pooled(cls, name: str, parts: Sequence[Measured]) -> Measured:
+        """Take the pairs of several homes together."""
+        starts = np.cumsum([0, *(part.ends.max() + 1 for part in parts)])
+        return cls(
+            name,
+            np.concatenate([part.linked for part in parts]),
+            np.concatenate([part.ends + k for part, k in zip(parts, starts, strict=False)]),
+            np.repeat(np.arange(len(parts)), [len(part.linked) for part in parts]),
+            {
+                key: LinkEvidence.together([part.evidence[key] for part in parts])
+                for key in parts[0].evidence
+            },
+            {key: np.concatenate([part.scores[key] for part in parts]) for key in parts[0].scores},
+        )
+
+    def draws(self) -> np.ndarray:
+        """Say how often bootstraps over images, and over homes if there are several, draw each."""
+        stream = np.random.default_rng([len(self.linked), len(self.homes)])
+        drawn = draws_of_pairs(self.ends, resamples=RESAMPLES, rng=stream)
+        number = int(self.homes.max()) + 1
+        if number > 1:
+            times = stream.multinomial(number, np.full(number, 1.0 / number), size=RESAMPLES)
+            drawn = drawn * times[:, self.homes].astype(np.int16)
+        return drawn
+
+
+def measure(
+    name: str,
+    pairs: Sequence[Correspondences],
+    linked: np.ndarray,
+    ends: np.ndarray,
+    models: Sequence[str],
+    camera: Perspective | None = None,
+    rivals: bool = True,
+) -> Measured:
+    """Collect all evidence and scores of some pairs."""
+    evidence = {
+        model: link_evidence(pairs, LikelihoodTable.default(TABLES[model])) for model in models
+    }
+    scores: dict[str, np.ndarray] = {"matches": np.array(list(map(len, pairs)), dtype=float)}
+    if rivals:
+        for solver in ("2pt", "3pt"):
+            for noise in NOISES:
+                poses = ransac_relative_poses(pairs, solver=solver, noise=noise)
+                inliers = [float(pose.num_inliers) for pose in poses]
+                scores[f"RANSAC {solver}, {noise:g} rad"] = np.array(inliers)
+        if camera is not None:
+            for pixels in PIXELS:
+                count = partial(essential_inliers, threshold=pixels / camera.fx)
+                scores[f"RANSAC essential, {pixels:g} px"] = np.array(list(map(count, pairs)))
+    homes = np.zeros(len(pairs), np.intp)
+    return Measured(name, linked, np.asarray(ends), homes, evidence, scores)
+
+
+def essential_inliers(pair: Correspondences, threshold: float) -> float:
+    """Count the inliers of OpenCV's essential matrix; the focal length is one."""
+    import cv2
+
+    if len(pair) < 5:
+        return 0.0
+    views = (
+        bearing_vectors(pair.azimuth_l, pair.elevation_l),
+        bearing_vectors(pair.azimuth_r, pair.elevation_r),
+    )
+    points = [np.ascontiguousarray(-v[:, 1:] / v[:, :1]) for v in views]
+    _, mask = cv2.findEssentialMat(
+        *points, np.eye(3), method=cv2.USAC_MAGSAC, prob=0.999, threshold=threshold
+    )
+    return 0.0 if mask is None else float(np.count_nonzero(mask))
+
+
+def features_of(dataset: Dataset, every: int) -> dict[int, Features]:
+    """Extract the features of every n-th image."""
+    extractor, cache = make_extractor(dataset, ReplayOptions()), FeatureCache()
+    images = range(0, len(dataset), every)
+    return {
+        i: cache(extractor, dataset.image(i)) for i in tqdm(images, desc=dataset.name, disable=None)
+    }
+
+
+def looking_ahead(features: Features) -> Features:
+    """Keep what a camera would see that looks ahead."""
+    return features[np.abs(wrap_to_pi(features.azimuth)) <= 0.5 * AHEAD]
+
+
+def matched(features: Mapping[int, Features], ends: np.ndarray) -> list[Correspondences]:
+    """Match pairs of images."""
+    return [
+        match(features[left], features[right], mutual=True)
+        for left, right in tqdm(ends.tolist(), desc="matching", unit="pair", disable=None)
+    ]
+
+
+def of_dataset(dataset: Dataset, every: int, models: Sequence[str], rivals: bool) -> Measured:
+    """Measure all pairs of every n-th image of a dataset."""
+    features = features_of(dataset, every)
+    ends = np.array(list(combinations(features, 2)))
+    linked = dataset_links(dataset, ends)
+    camera = dataset.camera if isinstance(dataset.camera, Perspective) else None
+    pairs = matched(features, ends)
+    return measure(dataset.name, pairs, linked, ends, models, camera, rivals)
+
+
+def ahead_in(dataset: Dataset, every: int, rivals: bool) -> Measured:
+    """Measure the same of a camera that looks ahead."""
+    features = {i: looking_ahead(some) for i, some in features_of(dataset, every).items()}
+    ends = np.array(list(combinations(features, 2)))
+    truth = partial(true_links, rule=INDOORS, field_of_view=AHEAD)
+    linked = truth(dataset.ground_truth, ends, dataset.floor_plan)
+    return measure(
+        dataset.name, matched(features, ends), linked, ends, ["perspective"], None, rivals
+    )
+
+
+def of_landmarks(name: str, scenario: str, seeds: Sequence[int], every: int) -> Measured:
+    """Measure the pairs of a reference and an image of simulated drives, a home each."""
+    parts = []
+    for seed in tqdm(seeds, desc=name, unit="drive", disable=None):
+        drive = simulate_drive(scenario, seed, home_seed=seed)
+        references, pairs, ends = drive.references, [], []
+        number = len(references)
+        for i in range(0, len(drive), every):
+            image = drive.view(i)
+            counts, landmarks = drive.matches(i)
+            for k, some in enumerate(np.split(landmarks, np.cumsum(counts)[:-1])):
+                left, right = some.T
+                ends.append((k, number + i))
+                pairs.append(
+                    Correspondences(
+                        references.azimuth[k, left],
+                        references.elevation[k, left],
+                        image.azimuth[0, right],
+                        image.elevation[0, right],
+                    )
+                )
+        poses = np.concatenate([references.poses, drive.ground_truth])
+        linked = true_links(poses, ends, drive.home.walls)
+        parts.append(measure(name, pairs, linked, np.array(ends), ["panorama"]))
+    return Measured.pooled(name, parts)
+
+
+def of_strangers(features: Sequence[Mapping[int, Features]], number: int) -> LinkEvidence:
+    """Collect the evidence for links of images of different homes, of which there are none."""
+    rng = np.random.default_rng(0)
+    pairs = []
+    for _ in tqdm(range(number), desc="different homes", unit="pair", disable=None):
+        homes = rng.choice(len(features), 2, replace=False)
+        left, right = (features[home][rng.choice(list(features[home]))] for home in homes)
+        pairs.append(match(left, right, mutual=True))
+    return link_evidence(pairs, LikelihoodTable.default("home"))
+
+
+def learn(name: str, parts: Sequence[Measured], path: Path) -> LinkModel:
+    """Learn a model and write it."""
+    all_pairs = Measured.pooled(name, parts)
+    model = LinkModel.learn(
+        all_pairs.evidence[name],
+        all_pairs.linked,
+        learned_from={
+            "source": "rendered homes",
+            "homes": [part.name.split()[-1] for part in parts],
+            "table": TABLES[name],
+            "rule": vars(INDOORS),
+        },
+    )
+    model.save(path)
+    print(f"{name}: weights {np.round(model.weights, 3)}, {all_pairs.linked.mean():.3f} linked")
+    return model
+
+
+def judge(measured: Measured, models: Mapping[str, LinkModel]) -> Iterator[list[Any]]:
+    """Give the rows of the CSV: average precisions, and what they are above the best RANSAC."""
+    linked, draws = measured.linked, measured.draws()
+    scores = all_scores(measured, models)
+    rival = max(
+        (name for name in scores if name.startswith("RANSAC")),
+        key=lambda name: average_precision(linked, scores[name]),
+    )
+    resampled = {}
+    for name, score in scores.items():
+        if name.startswith("RANSAC") and name != rival:
+            continue
+        order = np.argsort(-score, kind="stable")  # sorted once, it is sorted fast
+        yes, value = linked[order], score[order]
+        resampled[name] = np.array(
+            [average_precision(yes, value, weights=times[order]) for times in draws]
+        )
+    best = average_precision(linked, scores[rival])
+    for name, values in resampled.items():
+        found = average_precision(linked, scores[name])
+        yield [
+            measured.name,
+            len(linked),
+            linked.mean(),
+            name,
+            found,
+            *np.nanquantile(values, (0.025, 0.975)),
+            found - best,
+            *np.nanquantile(values - resampled[rival], (0.025, 0.975)),
+        ]
+
+
+def all_scores(measured: Measured, models: Mapping[str, LinkModel]) -> dict[str, np.ndarray]:
+    """Give all scores of a set by name."""
+    scores = {}
+    for name, evidence in measured.evidence.items():
+        scores[f"evidence, {TABLES[name]} table"] = evidence.log_evidence
+        scores[f"model {name}"] = models[name].probability(evidence)
+    return scores | dict(measured.scores)
+
+
+def calibrated(measured: Measured, models: Mapping[str, LinkModel]) -> None:
+    """Print the calibration errors of a set."""
+    linked, draws = measured.linked, measured.draws()
+    for name, evidence in measured.evidence.items():
+        for prior in (None, float(linked.mean())):
+            given = models[name].probability(evidence, prior=prior)
+            error: Callable[..., float] = partial(expected_calibration_error, given, linked)
+            low, high = np.nanquantile([error(weights=w) for w in draws], (0.025, 0.975))
+            shares = np.quantile(given, np.linspace(0.0, 1.0, 11))
+            even = error(edges=[0.0, *np.unique(shares[1:-1]), 1.0])
+            asked = f"prior {models[name].prior:.2f}" if prior is None else "the set's own share"
+            print(f"{measured.name:28}model {name:12}{asked:20}", end="")
+            print(f"ECE {error():.3f} ({low:.3f} to {high:.3f}), classes of equal size {even:.3f}")
+
+
+def main() -> None:
+    """Learn and check."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="two homes each, fewer images")
+    parser.add_argument("--real", nargs="+", default=[], metavar="PATH", help="real datasets")
+    parser.add_argument("--output", type=Path, default=Path("results/link_evidence"))
+    arguments = parser.parse_args()
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    every, few = (6, slice(2)) if arguments.quick else (2, slice(None))
+    both = ["home", "panorama"]
+    known = [load_simulated_home(seed) for seed in LEARNED[few]]
+    parts = {"home": [of_dataset(home, every, both, rivals=False) for home in known]}
+    parts["panorama"] = parts["home"]
+    parts["perspective"] = [ahead_in(home, every, rivals=False) for home in known]
+    models = {
+        name: learn(name, some, arguments.output / f"links_{name}.json")
+        for name, some in parts.items()
+    }
+    unseen = [load_simulated_home(seed) for seed in CHECKED[few]]
+    by_home = [of_dataset(home, every, both, rivals=True) for home in unseen]
+    homes = Measured.pooled("rendered homes", by_home)
+    ahead = Measured.pooled(
+        "rendered homes, 82 degrees", [ahead_in(home, every, rivals=True) for home in unseen]
+    )
+    sets = [homes, ahead]
+    for name, scenario in LANDMARK_DRIVES.items():
+        sets.append(of_landmarks(name, scenario, CHECKED[few][:4], 6 if arguments.quick else 3))
+    for path in arguments.real:
+        dataset = load_dataset(path)
+        is_ahead = isinstance(dataset.camera, Perspective)
+        sets.append(
+            of_dataset(
+                dataset,
+                (4 if arguments.quick else 2) if is_ahead else 1,
+                ["perspective"] if is_ahead else both,
+                rivals=True,
+            )
+        )
+    rows = [
+        row for some in tqdm(sets, desc="bootstrap", disable=None) for row in judge(some, models)
+    ]
+    write_csv(arguments.output / "average_precision.csv", COLUMNS, rows)
+    print("\naverage precision (over images), and its difference from the best RANSAC's")
+    for name, pairs, share, score, *numbers in rows:
+        print(f"{name:28}{pairs:6} pairs, {share:.3f} linked  {score:28}", end="")
+        print("{:.3f} ({:.3f} to {:.3f})  {:+.3f} ({:+.3f} to {:+.3f})".format(*numbers))
+    print()
+    for some in sets:
+        calibrated(some, models)
+    errors = [
+        expected_calibration_error(models["home"].probability(part.evidence["home"]), part.linked)
+        for part in by_home
+    ]
+    print(f"each home by itself, model home: ECE {min(errors):.3f} to {max(errors):.3f}")
+    strangers = of_strangers(
+        [features_of(home, every) for home in unseen], 400 if arguments.quick else 4000
+    )
+    given = models["home"].probability(strangers)
+    print(f"images of different homes: {(given > 0.5).mean():.4f} above 0.5, ", end="")
+    print(f"{(given > 0.9).mean():.4f} above 0.9, the mean is {given.mean():.3f}")
+    draw(homes, sets, models, arguments.output)
+    print(f"\nwritten: {arguments.output}")
+
+
+def draw(
+    homes: Measured, sets: Sequence[Measured], models: Mapping[str, LinkModel], output: Path
+) -> None:
+    """Draw the reliability of the models, and precision over recall in rendered homes."""
+    curves = {}
+    for some in sets:
+        name = next(iter(some.evidence))
+        given = models[name].probability(some.evidence[name], prior=float(some.linked.mean()))
+        groups = some.homes if some.homes.max() else None
+        curves[some.name] = reliability_curve(given, some.linked, groups=groups)
+    save_figure(plot_reliability(curves, what="pairs that are linked"), output / "reliability.png")
+    scores = all_scores(homes, models)
+    rival = max(
+        (name for name in scores if name.startswith("RANSAC")),
+        key=lambda name: average_precision(homes.linked, scores[name]),
+    )
+    shown = ["model home", "evidence, home table", rival, "matches"]
+    save_figure(
+        plot_precision_recall(
+            {name: precision_recall(homes.linked, scores[name]) for name in shown},
+            title=f"{homes.name}: {len(homes.linked)} pairs",
+        ),
+        output / "precision_recall.png",
+    )
+
+
+if __name__ == "__main__":
+    main()
