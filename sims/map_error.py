@@ -1,0 +1,197 @@
+"""How wrong is the map of a drive, before and after, and with false links among the true ones?
+
+    python sims/map_error.py [--quick] [--homes N,N ...] [--landmark-homes N] [--no-homes]
+                             [--output DIR]
+
+Pose graphs of odometry and links, of drives through rendered homes and homes of landmarks: the test
+drive of some 17 m, and the mapping drive of some 60 m through all rooms. Odometry is that of
+`simulate_odometry` at its defaults. False links are added until they are 20 or 40 % of all that are
+more probable than not; they are as sure as true ones, and say something random, or what another
+pair says, or that a place is another one (see `with_false_links`). Optimised
+
+mixture      with the mixtures of the links, as pflut does by default
+max-mixture  with the best component of each
+cauchy, huber, gaussian
+             with the heaviest component of each link and a robust kernel, or none
+
+Prints medians and ranges of the error of positions (root mean square, metres, after the best
+fitting shift and turn) and of its ratio to odometry's; writes a CSV and a figure. Links are kept in
+DIR, and not computed again.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from pflut import LikelihoodTable
+from pflut._files import write_csv
+from pflut.datasets import load_simulated_home
+from pflut.features import FeatureCache
+from pflut.geometry import FloatArray, compose
+from pflut.mapping.all_pairs import all_pairs
+from pflut.mapping.drive_images import drive_images
+from pflut.mapping.false_links import with_false_links
+from pflut.mapping.graph_optimizer import optimize_graph
+from pflut.mapping.link_model import LinkModel
+from pflut.mapping.links import Links
+from pflut.mapping.map_errors import MapErrors
+from pflut.mapping.pair_linker import LinkOptions, PairLinker
+from pflut.mapping.pose_graph import PoseGraph
+from pflut.plot import save_figure
+from pflut.plot.style import CYCLE, new_figure, tidy
+from pflut.replay.options import ReplayOptions
+from pflut.replay.pipeline import make_extractor
+from pflut.simulation.landmark_drive import simulate_drive
+from pflut.simulation.landmark_pairs import drive_pairs
+from pflut.simulation.odometry import simulate_odometry
+
+DRIVES = ("test drive", "mapping drive")
+FALSE = (("none", 0.0), ("random", 0.2), ("random", 0.4), ("pair", 0.2), ("place", 0.2))
+METHODS = ("mixture", "max-mixture", "cauchy", "huber", "gaussian")
+COLUMNS = ("world", "drive", "home", "odometry_seed", "false", "share", "method", "position_m")
+COLUMNS += ("odometry_position_m", "from_start_m", "odometry_from_start_m", "heading_deg")
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """A drive with its links."""
+
+    world: str
+    name: str
+    home: int
+    truth: FloatArray
+    links: Links
+
+
+def main() -> None:
+    """Run the experiment."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="two homes of landmarks")
+    parser.add_argument(
+        "--homes",
+        type=lambda text: [int(number) for number in text.split(",")],
+        default=list(range(200, 210)),
+        help="seeds of rendered homes, N,N (default: 200 to 209)",
+    )
+    parser.add_argument("--landmark-homes", type=int, default=10, help="(default: %(default)s)")
+    parser.add_argument("--no-homes", action="store_true", help="no rendered homes")
+    parser.add_argument("--odometries", type=int, default=2, help="a drive (default: %(default)s)")
+    parser.add_argument("--output", type=Path, default=Path("results/map_error"))
+    arguments = parser.parse_args()
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    landmarks = 2 if arguments.quick else arguments.landmark_homes
+    rendered = [] if arguments.quick or arguments.no_homes else arguments.homes
+    rows = []
+    for drive in drives(rendered, landmarks, arguments.output):
+        for seed in range(arguments.odometries):
+            rows += measured(drive, seed)
+        write_csv(arguments.output / "map_error.csv", COLUMNS, rows)
+    report(rows)
+    figure(rows, arguments.output / "map_error.png")
+
+
+def drives(rendered: list[int], landmarks: int, folder: Path) -> Iterator[Drive]:
+    """Give the drives of all homes."""
+    table = LikelihoodTable.default()
+    linker = PairLinker(table=table, options=LinkOptions(), link_model=LinkModel.default())
+    for home in tqdm(range(landmarks), desc="homes of landmarks", disable=not landmarks):
+        simulated = simulate_drive("tracking", home)
+        for name, poses in zip(
+            DRIVES, (simulated.ground_truth, simulated.home.mapping.poses), strict=True
+        ):
+            pairs, matches = drive_pairs(simulated, poses, rng=[home, 40])
+            yield Drive("landmarks", name, home, poses, linker.of_matches(matches, pairs))
+    for home in tqdm(rendered, desc="rendered homes", disable=not rendered):
+        dataset = load_simulated_home(home)
+        for name, choice in zip(DRIVES, ("queries", "references"), strict=True):
+            images = drive_images(dataset, choice, simulate=True)
+            extractor, cache = make_extractor(images, ReplayOptions()), FeatureCache()
+            features = (cache(extractor, images.image(i)) for i in range(len(images)))
+            links = all_pairs(features, folder / f"links-{home}-{choice}", table)
+            yield Drive("rendered", name, home, images.ground_truth, links)
+
+
+def measured(drive: Drive, seed: int) -> list[list[object]]:
+    """Optimise the graphs of a drive with one odometry."""
+    odometry = simulate_odometry(drive.truth, rng=np.random.default_rng([drive.home, 14, seed]))
+    before = MapErrors.of(odometry, drive.truth)
+    rows = []
+    for kind, share in FALSE:
+        links = drive.links
+        if share:
+            links = with_false_links(links, drive.truth, share, kind, rng=[drive.home, 41, seed])
+        graph = PoseGraph.from_odometry(odometry, links)
+        for method in METHODS:
+            found = optimize_graph(graph, loss=method)
+            after = MapErrors.of(found.poses, drive.truth)
+            rows.append(
+                [drive.world, drive.name, drive.home, seed, kind, share, method]
+                + [after.position, before.position]
+                + [after.position_from_start, before.position_from_start]
+                + [np.degrees(after.heading)]
+            )
+    return rows
+
+
+def report(rows: list[list[object]]) -> None:
+    """Print medians and ranges over homes and odometries."""
+    print(f"{'':<34}{'':<12}{'position [m]':>22}{'of odometry':>24}{'at most 1/4':>14}")
+    for world, name in sorted({(row[0], row[1]) for row in rows}):
+        those = [row for row in rows if row[:2] == [world, name]]
+        odometry = np.array([row[8] for row in those if row[4] == "none" and row[6] == METHODS[0]])
+        print(f"\n{world}, {name}: {len(odometry)} graphs, odometry {_range(odometry)} m")
+        for kind, share in FALSE:
+            for method in METHODS:
+                chosen = [r for r in those if r[4:7] == [kind, share, method]]
+                position = np.array([row[7] for row in chosen])
+                ratio = position / np.array([row[8] for row in chosen])
+                what = "no false links" if not share else f"{100 * share:.0f} % false, {kind}"
+                print(
+                    f"  {what:<32}{method:<12}{_range(position):>22}{_range(ratio):>24}"
+                    f"{(ratio <= 0.25).sum():>8} of {len(ratio)}"
+                )
+
+
+def _range(values: FloatArray) -> str:
+    return f"{np.median(values):.3f} ({values.min():.3f}-{values.max():.3f})"
+
+
+def figure(rows: list[list[object]], path: Path) -> None:
+    """Draw the errors, one panel a kind of drive."""
+    kinds = sorted({(row[0], row[1]) for row in rows})
+    drawn = new_figure(4.6 * len(kinds), 4.2)
+    panels = drawn.subplots(1, len(kinds), sharey=True, squeeze=False)[0]
+    labels = ["odometry"] + [
+        "no false\nlinks" if not share else f"{100 * share:.0f} %\n{kind}" for kind, share in FALSE
+    ]
+    for axes, (world, name) in zip(panels, kinds, strict=True):
+        those = [row for row in rows if row[:2] == [world, name]]
+        odometry = [row[8] for row in those if row[4] == "none" and row[6] == METHODS[0]]
+        _dots(axes, 0.0, np.array(odometry), "0.35", None)
+        for number, method in enumerate(METHODS):
+            for place, (kind, share) in enumerate(FALSE, start=1):
+                values = np.array([r[7] for r in those if r[4:7] == [kind, share, method]])
+                at = place + 0.15 * (number - 2)
+                _dots(axes, at, values, CYCLE[number], method if place == 1 else None)
+        axes.set(yscale="log", title=f"{world}, {name}", xticks=range(len(labels)))
+        axes.set_xticklabels(labels, fontsize=8)
+        tidy(axes)
+    panels[0].set_ylabel("position error, root mean square [m]")
+    drawn.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
+    save_figure(drawn, path)
+
+
+def _dots(axes: object, at: float, values: FloatArray, color: str, label: str | None) -> None:
+    """Draw single values and their median."""
+    axes.plot(np.full(len(values), at), values, ".", color=color, alpha=0.35, markersize=4)
+    axes.plot(at, np.median(values), "D", color=color, markersize=5, label=label)
+
+
+if __name__ == "__main__":
+    main()
