@@ -8,7 +8,9 @@ from numpy.typing import ArrayLike
 from pflut.geometry import FloatArray, as_poses, compose, relative_pose, wrap_to_pi
 
 
-def align_poses(estimates: ArrayLike, ground_truth: ArrayLike) -> FloatArray:
+def align_poses(
+    estimates: ArrayLike, ground_truth: ArrayLike, *, scale: bool = False
+) -> FloatArray:
     """Move estimated poses as a whole so that their positions fit the true ones best.
 
     Parameters
@@ -16,11 +18,13 @@ def align_poses(estimates: ArrayLike, ground_truth: ArrayLike) -> FloatArray:
     estimates, ground_truth : array_like of shape (n, 3)
         ``[x, y, heading]`` of the same images, metres and radians; what is NaN in either of them
         is not looked at.
+    scale : bool
+        Whether they are also made larger or smaller: images do not tell the size of a map.
 
     Returns
     -------
     ndarray of shape (n, 3)
-        The estimates, turned and shifted, not scaled.
+        The estimates, turned and shifted.
 
     Raises
     ------
@@ -45,9 +49,13 @@ def align_poses(estimates: ArrayLike, ground_truth: ArrayLike) -> FloatArray:
     middle, true_middle = estimate[known, :2].mean(axis=0), truth[known, :2].mean(axis=0)
     a, b = estimate[known, :2] - middle, truth[known, :2] - true_middle
     turn = np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
-    moved = estimate.copy()
     cos, sin = np.cos(turn), np.sin(turn)
-    moved[:, :2] = (estimate[:, :2] - middle) @ np.array([[cos, sin], [-sin, cos]]) + true_middle
+    size = 1.0
+    if scale and (a**2).sum() > 0.0:
+        size = float((b * (a @ np.array([[cos, sin], [-sin, cos]]))).sum() / (a**2).sum())
+    moved = estimate.copy()
+    turned = (estimate[:, :2] - middle) @ np.array([[cos, sin], [-sin, cos]])
+    moved[:, :2] = size * turned + true_middle
     moved[:, 2] = wrap_to_pi(estimate[:, 2] + turn)
     return moved
 

@@ -55,7 +55,8 @@ DRIVES = ("test drive", "mapping drive")
 FALSE = (("none", 0.0), ("random", 0.2), ("random", 0.4), ("pair", 0.2), ("place", 0.2))
 METHODS = ("mixture", "max-mixture", "cauchy", "huber", "gaussian")
 COLUMNS = ("world", "drive", "home", "odometry_seed", "false", "share", "method", "position_m")
-COLUMNS += ("odometry_position_m", "from_start_m", "odometry_from_start_m", "heading_deg")
+COLUMNS += ("odometry_position_m", "scaled_m", "odometry_scaled_m")
+COLUMNS += ("from_start_m", "odometry_from_start_m", "heading_deg")
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +134,7 @@ def measured(drive: Drive, seed: int) -> list[list[object]]:
             rows.append(
                 [drive.world, drive.name, drive.home, seed, kind, share, method]
                 + [after.position, before.position]
+                + [after.position_scaled, before.position_scaled]
                 + [after.position_from_start, before.position_from_start]
                 + [np.degrees(after.heading)]
             )

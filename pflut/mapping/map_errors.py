@@ -24,6 +24,8 @@ class MapErrors:
         without scaling (absolute trajectory error).
     position_median, position_largest : float
         Of the same distances.
+    position_scaled : float
+        Root mean square, when the map may also be made larger or smaller: its shape's error.
     heading : float
         Root mean square, after the same turn.
     position_from_start : float
@@ -36,6 +38,7 @@ class MapErrors:
     position: float
     position_median: float
     position_largest: float
+    position_scaled: float
     heading: float
     position_from_start: float
     step_position: float
@@ -59,12 +62,14 @@ class MapErrors:
         known = np.isfinite(truth).all(axis=1)
         truth, found = truth[known], np.asarray(poses, dtype=np.float64)[known]
         errors = trajectory_errors(align_poses(found, truth), truth)
+        scaled = trajectory_errors(align_poses(found, truth, scale=True), truth)
         from_start = compose(truth[0], relative_pose(found[0], found))
         step_position, step_heading = relative_errors(found, truth)
         return cls(
             root_mean_square(errors.position),
             float(np.median(errors.position)),
             float(errors.position.max()),
+            root_mean_square(scaled.position),
             root_mean_square(errors.heading),
             root_mean_square(trajectory_errors(from_start, truth).position),
             root_mean_square(step_position),
