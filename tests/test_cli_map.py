@@ -10,6 +10,7 @@ import pytest
 from command_line import Run, refused
 
 from pflut.cli.progress import Bars
+from pflut.likelihood.dense import DenseTable
 from pflut.mapping.constraint import KINDS
 from pflut.mapping.links import Links
 
@@ -83,13 +84,19 @@ def test_other_options(run: Run, change: tuple[Any, ...], words: tuple[str, ...]
     refused(run(*LINK, "--max-candidates", 1, *change), *words, "expected a new folder")
 
 
-def test_wrong_input(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wrong_input(
+    run: Run, small_dense_table: DenseTable, monkeypatch: pytest.MonkeyPatch
+) -> None:
     refused(run("map", "links", "nowhere"), "nowhere")
     refused(run(*LINK, "--scheduler", "nowhere"), "scheduler: no answer from nowhere")
     assert run("map", "links").code == 2
     assert run(*LINK, "--neighbours", -1).code == 2
     assert run(*LINK, "--ratio", 1.5).code == 2
     assert run(*LINK, "--prior", 1.0).code == 2
+    small_dense_table.save("dense.npz")
+    refused(run(*LINK, "--table", "dense.npz"), "dense.npz: a dense table, expected a residual one")
+    refused(run(*LINK, "--table", "perspective"), "no link model", "expected --link-model")
+    refused(run(*LINK, "--link-model", "none.json"), "none.json")
     Path("full").mkdir()
     Path("full/file").touch()
     refused(run(*LINK[:-1], "full"), "full: holds something already, expected a new folder")

@@ -25,6 +25,7 @@ from pflut.replay.options import ReplayOptions
 if TYPE_CHECKING:
     from pflut.cli.progress import Bars
     from pflut.datasets.base import Dataset
+    from pflut.mapping.link_model import LinkModel
     from pflut.mapping.links import Links
 
 LINK_OPTIONS = (
@@ -94,6 +95,12 @@ def add_link_options(parser: argparse.ArgumentParser) -> None:
         type=natural,
         default=1,
         help="and in any case with the N images before and after it (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--link-model",
+        metavar="FILE",
+        type=Path,
+        help="what judges whether images are linked (default: that of the table and the camera)",
     )
     parser.add_argument(
         "--prior",
@@ -188,6 +195,7 @@ def linked(
     )
     if not isinstance(table, LikelihoodTable):
         raise ValueError(f"{options.table}: a dense table, expected a residual one")
+    model = _link_model(arguments.link_model, options.table, dataset)
     counted = (0, 0)
 
     def progress(done: int, total: int) -> None:
@@ -214,6 +222,7 @@ def linked(
                 prior=arguments.prior,
                 temperature=options.temperature,
             ),
+            link_model=model,
             jobs=arguments.jobs or available_cores(),
             scheduler=arguments.scheduler,
             progress=progress,
@@ -225,6 +234,21 @@ def linked(
         raise KeyboardInterrupt(
             f"{done} kept in {folder}; the same command with --output {folder} goes on"
         ) from None
+
+
+def _link_model(path: Path | None, table: str, dataset: Dataset) -> LinkModel:
+    """Load the model that judges evidence of a table, or that of a file."""
+    from pflut.mapping.link_model import LinkModel, link_model_name
+
+    if path is not None:
+        return LinkModel.load(path)
+    name = link_model_name(table, dataset.camera)
+    if name is None:
+        raise ValueError(
+            f"{dataset.name}: no link model comes with pflut for the table {table!r} and this "
+            "camera, expected --link-model"
+        )
+    return LinkModel.default(name)
 
 
 def _report(dataset: Dataset, links: Links) -> str:
