@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pflut.correspondences import Correspondences
 from pflut.geometry import TWO_PI, FloatArray, circular_mean, wrap_to_pi
+from pflut.von_mises.mixture import MAX_COMPONENTS, VonMisesMixture
 
 
 class Likelihood(Protocol):
@@ -208,6 +209,30 @@ class GridPosterior:
         """Return the entropy in nats; log(B^2) where nothing is known."""
         possible = self.prob > 0.0
         return float(-np.sum(self.prob[possible] * self.log_prob[possible]))
+
+    def von_mises_mixture(self, *, max_components: int = MAX_COMPONENTS) -> VonMisesMixture:
+        """Return a mixture of von Mises distributions with nearly the same probabilities.
+
+        Parameters
+        ----------
+        max_components : int
+            Modes and bands at most.
+
+        Returns
+        -------
+        VonMisesMixture
+            Its `divergence` says how near; see `pflut.von_mises.fit.fit_mixture` for how many
+            components it has.
+
+        Raises
+        ------
+        ValueError
+            If the number is not positive.
+        """
+        # the fit brings Numba with it
+        from pflut.von_mises.fit import fit_mixture
+
+        return fit_mixture(self.log_prob, self.prob, max_components=max_components)[0]
 
 
 def pose_posterior(

@@ -67,8 +67,9 @@ def test_a_link_as_a_plain_edge_fits_where_the_headings_do() -> None:
         theta, phi, distance = relative_headings(graph.poses[left], graph.poses[right])
         mean = graph.links.means[link]
         assert np.hypot(*motion[:2]) == pytest.approx(distance)
-        np.testing.assert_allclose(wrap_to_pi(np.arctan2(motion[1], motion[0]) - mean[0]), 0, atol=1e-9)
-        np.testing.assert_allclose(wrap_to_pi(motion[2] - mean[0] + mean[1] - np.pi), 0, atol=1e-9)
+        direction = np.arctan2(motion[1], motion[0]) - mean[0]
+        turn = motion[2] - mean[0] + mean[1] - np.pi
+        np.testing.assert_allclose(wrap_to_pi([direction, turn]), 0.0, atol=1e-9)
         # a small turn of the headings costs what the mixture says; of the distance, little
         step = 1e-4
         covariance = graph.links.mixture(link).covariances()[0]

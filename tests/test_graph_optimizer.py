@@ -143,7 +143,7 @@ def test_drift_does_not_make_true_links_look_false() -> None:
     for seed in range(5):
         graph = simulated_graph(truth, np.random.default_rng(seed))
         # each step turns too far: in the end by 90 degrees
-        motions = graph.odometry + [0.0, 0.0, np.radians(90.0) / len(graph.odometry)]
+        motions = graph.odometry + np.array([0.0, 0.0, np.radians(90.0) / len(graph.odometry)])
         poses = [truth[0]]
         for motion in motions:
             poses.append(np.asarray(relative_pose(relative_pose(poses[-1], np.zeros(3)), motion)))

@@ -313,7 +313,7 @@ def test_a_figure_of_no_known_format(tmp_path):
 def test_pose_graph_shows_the_links_that_are_believed():
     links = np.array([[0, 1], [1, 2], [0, 3], [2, 5]])
     probability = np.array([0.9, 0.2, 0.6, 0.99])
-    odometry = TRUTH + [0.0, 3.0, 0.0]  # beyond the walls
+    odometry = TRUTH + np.array([0.0, 3.0, 0.0])  # beyond the walls
     figure = plot_pose_graph(
         home(), TRUTH, links, probability, odometry=odometry, ground_truth=TRUTH, title="a map"
     )

@@ -205,7 +205,6 @@ def read_g2o(path: str | os.PathLike[str]) -> PoseGraph:
         raise ValueError(f"{path}: {len(set(fixed))} nodes are fixed, expected one")
     ids = np.array(sorted(vertices), dtype=np.int64)
     place = {int(node): k for k, node in enumerate(ids)}
-    zeros = np.zeros(len(links))
     return PoseGraph(
         np.array([vertices[int(node)] for node in ids]),
         np.array([[place[i], place[j]] for i, j, _ in edges], dtype=np.int64).reshape(-1, 2),
@@ -213,8 +212,8 @@ def read_g2o(path: str | os.PathLike[str]) -> PoseGraph:
         np.array([_symmetric(values[3:]) for *_, values in edges]).reshape(-1, 3, 3),
         Links.of(
             np.array([[i, j] for i, j, *_ in links], dtype=np.int64).reshape(-1, 2),
-            zeros,
-            zeros,
+            [0] * len(links),
+            [0.0] * len(links),
             [probability for _, _, probability, _ in links],
             [constraint for *_, constraint in links],
         ),

@@ -234,7 +234,8 @@ class GraphSystem:
         best = np.full(len(terms.null), -np.inf)
         np.maximum.at(best, terms.link, terms.log_weight)
         probable = self.graph.links.probability[terms.link] >= 0.5
-        return (terms.log_weight >= best[terms.link]) & probable
+        heaviest = (terms.log_weight >= best[terms.link]) & probable
+        return heaviest.astype(np.float64)
 
     def _kernel(self, halves: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Give the weights and costs of half squared residuals under a kernel."""

@@ -160,7 +160,7 @@ class PoseGraph:
             np.stack([before, before + 1], axis=1),
             motions,
             np.array(information).reshape(-1, 3, 3),
-            between[np.isin(between.indices, images).all(axis=1)],
+            between[np.flatnonzero(np.isin(between.indices, images).all(axis=1))],
             images,
         )
 

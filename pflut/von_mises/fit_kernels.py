@@ -22,7 +22,7 @@ MODE, BAND = 0.0, 1.0
 MOMENTS = 11
 NODES = 10
 """Of half the integral of a normaliser; its error is then below that of I0."""
-MAX_RUNS = 2 * LEVELS * TILES
+MAX_RUNS = 1 + 2 * TILES
 
 SMALLEST_DEVIATION = 0.22
 """Of a component, in cells: its neighbours have e^-10 of its probability, and tell no more."""
@@ -33,6 +33,8 @@ NEGLIGIBLE = 14.0
 """Nats below its maximum at which a mode has ended."""
 NEARBY = 0.25
 """Radians within which what is missing makes one new mode."""
+BAND_SHARE, BAND_LENGTH = 0.3, 0.8
+"""A band is tried if three diagonals hold so much, at headings whose mean vector is no longer."""
 TWO_PI = 2.0 * np.pi
 
 _F0, _F1, _F2, _F3, _F4, _F5 = (
@@ -152,38 +154,53 @@ def _blur(level, cell):  # type: ignore[no-untyped-def]
 
 
 @jit
+def least_variance(blur, cell):  # type: ignore[no-untyped-def]
+    """Give the least variance of a component whose points have a mean blur."""
+    return max((SMALLEST_DEVIATION * cell) ** 2, 3.0 * blur)
+
+
+@jit
 def is_sharp(component, cell):  # type: ignore[no-untyped-def]
-    """Say whether the sum of a mode over the cells is not its integral."""
-    steepest = max(component[K_1], component[K_2])
-    return component[KIND] == MODE and steepest * (SHARP * cell) ** 2 > 1.0
+    """Say whether the sum of a component over the cells is not its integral."""
+    steepest = component[K_1]
+    if component[KIND] == MODE:
+        steepest = max(steepest, component[K_2])
+    return steepest * (SHARP * cell) ** 2 > 1.0
+
+
+@jit
+def is_short(component, cell):  # type: ignore[no-untyped-def]
+    """Say whether a mode is no longer than three cells, so that it is normal."""
+    k1, k2 = component[K_1], component[K_2]
+    return k1 + k2 < (3.0 * cell) ** 2 * (k1 * k2 - component[COUPLING] ** 2)
 
 
 @jit
 def sum_over_cells(component, cell, sums):  # type: ignore[no-untyped-def]
-    """Sum a sharp mode over the cells around it, as if normal.
+    """Sum a sharp mode over the cells around it.
 
-    ``sums`` (6,) receives the sum over the integral; then the moments about the mean, over the sum:
-    of d1, d2, d1^2, d2^2 and d1 d2.
+    ``sums`` (6,) receives the log of the sum times a cell's area, for a maximum of one; then the
+    moments about the mean, over the sum: of d1, d2, d1^2, d2^2 and d1 d2.
     """
     # rows along the heading that is less sharp, given the other
-    first = component[K_1] <= component[K_2]
-    k1, k2 = component[K_1], component[K_2]
-    mean_1, mean_2 = component[MEAN_1], component[MEAN_2]
-    if not first:
+    swapped = component[K_1] > component[K_2]
+    k1, k2, mean_1, mean_2 = component[K_1], component[K_2], component[MEAN_1], component[MEAN_2]
+    if swapped:
         k1, k2, mean_1, mean_2 = k2, k1, mean_2, mean_1
     c = component[COUPLING]
-    determinant = k1 * k2 - c * c
-    deviation = np.sqrt(k2 / determinant)
-    reach = min(4.5 * deviation / cell + 1.0, 40.0)
-    width = 4.5 / (np.sqrt(k2) * cell) + 0.5
+    reach = half_width(k1, k2, c, 10.0) / cell
     center = mean_1 / cell - 0.5
     total, m1, m2, s11, s22, s12 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(int(np.ceil(center - reach)), int(np.floor(center + reach)) + 1):
         d1 = (i - center) * cell
-        middle = (mean_2 + c / k2 * d1) / cell - 0.5
+        sine = c * np.sin(d1)
+        row = -k1 * (1.0 - np.cos(d1))
+        steepness = np.sqrt(k2 * k2 + sine * sine)
+        middle = (mean_2 + np.arctan2(sine, k2)) / cell - 0.5
+        width = 4.5 / (np.sqrt(steepness) * cell) + 0.5
         for j in range(int(np.ceil(middle - width)), int(np.floor(middle + width)) + 1):
             d2 = (j + 0.5) * cell - mean_2
-            value = np.exp(c * d1 * d2 - 0.5 * (k1 * d1 * d1 + k2 * d2 * d2))
+            value = np.exp(row - k2 * (1.0 - np.cos(d2)) + sine * np.sin(d2))
             total += value
             m1 += value * d1
             m2 += value * d2
@@ -191,11 +208,34 @@ def sum_over_cells(component, cell, sums):  # type: ignore[no-untyped-def]
             s22 += value * d2 * d2
             s12 += value * d1 * d2
     total = max(total, 1e-30)
-    sums[0] = total * cell * cell * np.sqrt(determinant) / TWO_PI
+    sums[0] = np.log(total * cell * cell)
     sums[1], sums[2] = m1 / total, m2 / total
     sums[3], sums[4], sums[5] = s11 / total, s22 / total, s12 / total
-    if not first:
+    if swapped:
         sums[1], sums[2], sums[3], sums[4] = sums[2], sums[1], sums[4], sums[3]
+
+
+@jit
+def sum_over_diagonals(component, cell, sums):  # type: ignore[no-untyped-def]
+    """Sum a sharp band over the rotations of the cells, as if normal.
+
+    ``sums`` (3,) receives the log of the sum times a cell, for a maximum of one; then the moments
+    of psi about the mean.
+    """
+    k1 = component[K_1]
+    # rotations are whole cells, plus half a turn
+    center = (component[MEAN_1] - np.pi) / cell
+    width = 4.5 / (np.sqrt(k1) * cell) + 0.5
+    total, first, second = 0.0, 0.0, 0.0
+    for i in range(int(np.ceil(center - width)), int(np.floor(center + width)) + 1):
+        d = (i - center) * cell
+        value = np.exp(-0.5 * k1 * d * d)
+        total += value
+        first += value * d
+        second += value * d * d
+    total = max(total, 1e-30)
+    sums[0] = np.log(total * cell)
+    sums[1], sums[2] = first / total, second / total
 
 
 @jit
@@ -215,20 +255,23 @@ def _find_runs(component, cell, start, runs):  # type: ignore[no-untyped-def]
     x, rows, y, columns = 0, TILES, 0, TILES
     if component[KIND] == MODE:
         k1, k2, c = component[K_1], component[K_2], component[COUPLING]
-        x, rows = _tiles(component[MEAN_1], half_width(k1, k2, c, NEGLIGIBLE) + 2.0 * cell)
-        y, columns = _tiles(component[MEAN_2], half_width(k2, k1, c, NEGLIGIBLE) + 2.0 * cell)
-    n = 0
-    for level in range(LEVELS):
-        base = level * TILES * TILES
-        if rows == TILES and columns == TILES:
-            n = _add_run(start[base], start[base + TILES * TILES], level, runs, n)
-            continue
-        for a in range(x, x + rows):
-            row = base + a % TILES * TILES
-            end = min(y + columns, TILES)
-            n = _add_run(start[row + y], start[row + end], level, runs, n)
-            if y + columns > TILES:
-                n = _add_run(start[row], start[row + y + columns - TILES], level, runs, n)
+        # half a block; and where blocks do not fill tiles evenly, a whole one more
+        margin = (0.5 * BLOCK + 0.5) * cell
+        if round(TWO_PI / cell) % (TILES * BLOCK) != 0:
+            margin += BLOCK * cell
+        x, rows = _tiles(component[MEAN_1], half_width(k1, k2, c, NEGLIGIBLE) + margin)
+        y, columns = _tiles(component[MEAN_2], half_width(k2, k1, c, NEGLIGIBLE) + margin)
+    # blocks are few
+    base = TILES * TILES
+    n = _add_run(start[0], start[base], 0, runs, 0)
+    if rows == TILES and columns == TILES:
+        return _add_run(start[base], start[2 * base], 1, runs, n)
+    for a in range(x, x + rows):
+        row = base + a % TILES * TILES
+        end = min(y + columns, TILES)
+        n = _add_run(start[row + y], start[row + end], 1, runs, n)
+        if y + columns > TILES:
+            n = _add_run(start[row], start[row + y + columns - TILES], 1, runs, n)
     return n
 
 
@@ -252,7 +295,9 @@ def _mode_run(points, first, last, s, out, total):  # type: ignore[no-untyped-de
         c2 = points[3, n] * cos_2 + points[2, n] * sin_2
         value = _exp(k_1 * (c1 - _ONE) + k_2 * (c2 - _ONE) + coupling * s1 * s2 + scale)
         out[n] = value
-        total[n] += value
+    # a loop that writes two arrays is not vectorised: too many of them might overlap
+    for n in range(first, last):
+        total[n] += out[n]
 
 
 @inline
@@ -267,7 +312,9 @@ def _band_run(points, first, last, s, out, total):  # type: ignore[no-untyped-de
         c2 = points[1, n] * cos_2 + points[0, n] * sin_2
         value = _exp(across * (c1 - _ONE) + along * (c2 - _ONE) + scale)
         out[n] = value
-        total[n] += value
+    # a loop that writes two arrays is not vectorised: too many of them might overlap
+    for n in range(first, last):
+        total[n] += out[n]
 
 
 @jit
@@ -275,18 +322,25 @@ def _evaluate(points, runs, count, cell, component, out, total):  # type: ignore
     """Write a component's weighted density at its points, and add it to the mixture's."""
     k1, k2, c = component[K_1], component[K_2], component[COUPLING]
     peak = np.log(max(component[WEIGHT], 1e-30))
+    sums = np.empty(6)
     if component[KIND] == MODE:
-        peak -= log_normalizer(k1, k2, c)
         if is_sharp(component, cell):
-            sums = np.empty(6)
             sum_over_cells(component, cell, sums)
-            peak -= np.log(sums[0])
+            peak -= sums[0]
+        else:
+            peak -= log_normalizer(k1, k2, c)
     else:
-        peak -= 2.0 * np.log(TWO_PI) + np.log(_i0e(k1) * _i0e(k2))
+        peak -= np.log(TWO_PI * _i0e(k2))
+        if is_sharp(component, cell):
+            sum_over_diagonals(component, cell, sums)
+            peak -= sums[0]
+        else:
+            peak -= np.log(TWO_PI * _i0e(k1))
     sin_1, cos_1 = np.float32(np.sin(component[MEAN_1])), np.float32(np.cos(component[MEAN_1]))
     sin_2, cos_2 = np.float32(np.sin(component[MEAN_2])), np.float32(np.cos(component[MEAN_2]))
     for r in range(count):
-        blur = _blur(runs[r, 2], cell)
+        # tails of what is narrower than a block do not reach into it
+        blur = _blur(runs[r, 2], cell) if max(k1, k2) * (2.0 * cell) ** 2 < 1.0 else 0.0
         if component[KIND] == MODE:
             # the inverse of (inverse of the precision + blur)
             determinant = k1 * k2 - c * c
@@ -506,7 +560,7 @@ def set_covariance(covariance, component):  # type: ignore[no-untyped-def]
 
 
 @jit
-def update_band(moments, blur, least, component):  # type: ignore[no-untyped-def]
+def update_band(moments, blur, cell, least, component):  # type: ignore[no-untyped-def]
     """Set a band from its moments."""
     mass = moments[0]
     component[WEIGHT] = mass
@@ -514,12 +568,58 @@ def update_band(moments, blur, least, component):  # type: ignore[no-untyped-def
         return
     m1, m2 = moments[1] / mass, moments[2] / mass
     u1, u2 = moments[3] / mass, moments[4] / mass
-    component[MEAN_1] += np.arctan2(m1, 1.0 - u1)
-    component[MEAN_2] += np.arctan2(m2, 1.0 - u2)
-    spread_1 = 1.0 - np.sqrt((1.0 - u1) ** 2 + m1 * m1)
     spread_2 = 1.0 - np.sqrt((1.0 - u2) ** 2 + m2 * m2)
-    component[K_1] = concentration(max(spread_1 - blur, least))
+    component[MEAN_2] += np.arctan2(m2, 1.0 - u2)
     component[K_2] = concentration(max(spread_2, 1e-3))
+    if is_sharp(component, cell):
+        sums = np.empty(3)
+        sum_over_diagonals(component, cell, sums)
+        seen = 2.0 * u1 - m1 * m1 - blur
+        variance = 1.0 / component[K_1] + seen - (sums[2] - sums[1] * sums[1])
+        component[MEAN_1] += m1 - sums[1]
+        component[K_1] = 1.0 / max(variance, least)
+    else:
+        spread_1 = 1.0 - np.sqrt((1.0 - u1) ** 2 + m1 * m1)
+        component[MEAN_1] += np.arctan2(m1, 1.0 - u1)
+        component[K_1] = concentration(max(spread_1 - 0.5 * blur, 0.5 * least))
+
+
+@jit
+def find_band(prob, diagonals, component):  # type: ignore[no-untyped-def]
+    """Make a band of the rotation that holds most; return whether it holds much, at many headings.
+
+    ``diagonals`` (B,): the probability of each (i - j) % B.
+    """
+    bins = prob.shape[0]
+    cell = TWO_PI / bins
+    most, peak = 0.0, 0
+    for k in range(bins):
+        near = diagonals[k - 1] + diagonals[k] + diagonals[(k + 1) % bins]
+        if near > most:
+            most, peak = near, k
+    if most < BAND_SHARE:
+        return False
+    mass, m1, s11, sine, cosine = 0.0, 0.0, 0.0, 0.0, 0.0
+    for offset in range(-3, 4):
+        for i in range(bins):
+            value = prob[i, (i - peak - offset) % bins]
+            mass += value
+            m1 += value * offset
+            s11 += value * offset * offset
+            sine += value * np.sin((i + 0.5) * cell)
+            cosine += value * np.cos((i + 0.5) * cell)
+    length = np.sqrt(sine * sine + cosine * cosine) / mass
+    if length > BAND_LENGTH:
+        return False
+    m1 /= mass
+    component[KIND] = BAND
+    component[WEIGHT] = 0.5 * mass
+    component[MEAN_1] = np.pi + (peak + m1) * cell
+    component[MEAN_2] = np.arctan2(sine, cosine)
+    component[K_1] = 1.0 / (max(s11 / mass - m1 * m1, 0.25) * cell * cell)
+    component[K_2] = concentration(1.0 - length)
+    component[COUPLING] = 0.0
+    return True
 
 
 @jit
@@ -528,7 +628,6 @@ def _maximize(points, cell, components, count, run_rows, num_runs, scratch, tota
     for n in range(total.shape[0]):
         total[n] = points[4, n] / total[n]
     moments = np.empty(MOMENTS)
-    least = (SMALLEST_DEVIATION * cell) ** 2
     rest = 1.0
     for k in range(count):
         moments[:] = 0.0
@@ -537,22 +636,19 @@ def _maximize(points, cell, components, count, run_rows, num_runs, scratch, tota
         for r in range(num_runs[k]):
             first, last, level = run_rows[k, r, 0], run_rows[k, r, 1], run_rows[k, r, 2]
             if component[KIND] == MODE:
-                mass = _mode_moments(
-                    points, total, first, last, component, scratch[k], moments
-                )
+                mass = _mode_moments(points, total, first, last, component, scratch[k], moments)
             else:
-                mass = _band_moments(
-                    points, total, first, last, component, scratch[k], moments
-                )
+                mass = _band_moments(points, total, first, last, component, scratch[k], moments)
             blur += mass * _blur(level, cell)
         blur /= max(moments[0], 1e-12)
+        least = least_variance(blur, cell)
         if component[KIND] == MODE:
-            if is_sharp(component, cell):
+            if is_sharp(component, cell) and is_short(component, cell):
                 update_sharp_mode(moments, cell, least, component)
             else:
                 update_mode(moments, blur, least, component)
         else:
-            update_band(moments, blur, least, component)
+            update_band(moments, 2.0 * blur, cell, least, component)
         rest -= component[WEIGHT]
     return max(rest, 1e-9)
 
@@ -588,7 +684,7 @@ def _seed(points, start, cell, total, center, tile, component):  # type: ignore[
     sin_2, cos_2 = points[2, center], points[3, center]
     nearest = np.float32(np.cos(NEARBY))
     x, y = tile // TILES, tile % TILES
-    mass, m1, m2, s11, s22, s12 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    mass, m1, m2, s11, s22, s12, blur = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for level in range(LEVELS):
         area = np.float32(_side(level, cell) ** 2)
         for a in range(x + TILES - 1, x + TILES + 2):
@@ -610,12 +706,13 @@ def _seed(points, start, cell, total, center, tile, component):  # type: ignore[
                     s11 += excess * s1 * s1
                     s22 += excess * s2 * s2
                     s12 += excess * s1 * s2
+                    blur += excess * _blur(level, cell)
     if mass < 1e-7:
         return 0.0
     m1, m2 = m1 / mass, m2 / mass
     sharp = np.empty(3)
     s11, s22, s12 = s11 / mass - m1 * m1, s22 / mass - m2 * m2, s12 / mass - m1 * m2
-    sharpen(s11, s22, s12, 0.0, (0.4 * cell) ** 2, sharp)
+    sharpen(s11, s22, s12, 0.0, max((0.4 * cell) ** 2, 3.0 * blur / mass), sharp)
     component[WEIGHT] = mass
     component[MEAN_1] = np.arctan2(sin_1, cos_1) + m1
     component[MEAN_2] = np.arctan2(sin_2, cos_2) + m2
@@ -649,28 +746,16 @@ def _add_modes(points, start, cell, total, components, count, room, worth, gains
 
 @jit
 def fit(  # type: ignore[no-untyped-def]
-    information,
-    cell,
-    points,
-    start,
-    run_rows,
-    num_runs,
-    scratch,
-    total,
-    components,
-    count,
-    target,
-    least_gain,
-    added,
-    steps,
-    worth,
-    result,
+    information, cell, points, start, run_rows, num_runs, scratch, total, components, count, options
 ):
     """Add modes where most is missing until the divergence is small, or too little is gained.
 
-    ``components`` (limit, COLUMNS): ``count`` of them are given. Returns how many there are in the
-    end; ``result`` (2,) receives the uniform weight and the divergence.
+    ``components`` (limit, COLUMNS): ``count`` of them are given. ``options`` (5,): the divergence
+    that is small, the least gain of a component, modes added at once at least, steps after each
+    addition, what a tile must lack to be worth a mode. Returns how many components there are in
+    the end, the uniform weight and the divergence.
     """
+    target, least_gain, added, steps, worth = options
     base = information - 2.0 * np.log(cell)
     limit = components.shape[0]
     uniform = 1.0
@@ -680,9 +765,12 @@ def fit(  # type: ignore[no-untyped-def]
     best = np.empty(TILES * TILES, dtype=np.int64)
     _expect(points, start, cell, components, count, uniform, run_rows, num_runs, scratch, total)
     divergence = base + _cross_entropy(points, total)
+    disappointed = False
     while divergence > target and count < limit:
-        room = min(max(added, count), limit - count)
-        fresh, taken = _add_modes(points, start, cell, total, components, count, room, worth, gains, best)
+        room = min(max(int(added), count), limit - count)
+        fresh, taken = _add_modes(
+            points, start, cell, total, components, count, room, worth, gains, best
+        )
         if fresh == 0:
             break
         # what is missing in one place is too much elsewhere
@@ -692,16 +780,16 @@ def fit(  # type: ignore[no-untyped-def]
             components[k, WEIGHT] *= keep
         uniform *= keep
         _expect(points, start, cell, components, count, uniform, run_rows, num_runs, scratch, total)
-        for _ in range(steps):
-            uniform = _maximize(
-                points, cell, components, count, run_rows, num_runs, scratch, total
-            )
+        for _ in range(int(steps)):
+            uniform = _maximize(points, cell, components, count, run_rows, num_runs, scratch, total)
             _expect(
                 points, start, cell, components, count, uniform, run_rows, num_runs, scratch, total
             )
         before = divergence
         divergence = base + _cross_entropy(points, total)
-        if before - divergence < least_gain * fresh:
+        # modes that are nearly one need a second round to part
+        little = before - divergence < least_gain * fresh
+        if little and disappointed:
             break
-    result[0], result[1] = uniform, divergence
-    return count
+        disappointed = little
+    return count, uniform, divergence

@@ -11,6 +11,8 @@ from pflut.geometry import TWO_PI, FloatArray, wrap_to_pi
 from pflut.von_mises.bessel import log_i0
 from pflut.von_mises.sine import log_density, quadrature
 
+MAX_COMPONENTS = 64
+"""Of a fit, by default; most have one or two."""
 LOG_UNIFORM = float(-2.0 * np.log(TWO_PI))
 """Log of the density over both headings where nothing is known."""
 
@@ -157,6 +159,53 @@ class VonMisesMixture:
         safe = np.where(np.isfinite(peak), peak, 0.0)
         with np.errstate(divide="ignore"):
             return np.asarray(safe + np.log(np.exp(logs - safe[..., None]).sum(axis=-1)))
+
+    def cell_probabilities(self, bins: int) -> FloatArray:
+        """Return the probabilities of a grid's cells.
+
+        A grid posterior is a density at the cells' centres, divided by the sum of all. So is each
+        component here. The density times a cell's area is the same, but of components sharper than
+        a cell: those a centre may miss, or meet where they are highest.
+
+        Parameters
+        ----------
+        bins : int
+            Cells of an axis.
+
+        Returns
+        -------
+        ndarray of shape (bins, bins)
+            They sum to one; as those of `pflut.GridPosterior`.
+        """
+        axis = (np.arange(bins) + 0.5) * (TWO_PI / bins)
+        centers = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
+        logs = self.component_log_densities(centers).reshape(bins * bins, -1)
+        weights = [*self.weights, *self.rotation_weights, self.uniform_weight]
+        total = np.zeros(bins * bins)
+        for log, weight in zip(logs.T, weights, strict=True):
+            if weight > 0.0:
+                share = np.exp(log - log.max())
+                total += weight / share.sum() * share
+        return total.reshape(bins, bins)
+
+    def divergence(self, prob: ArrayLike) -> float:
+        """Return the Kullback-Leibler divergence of a grid from the mixture.
+
+        Parameters
+        ----------
+        prob : array_like of shape (B, B)
+            The cells' probabilities, as `pflut.GridPosterior.prob`.
+
+        Returns
+        -------
+        float
+            The mean of log(prob / `cell_probabilities`) over the grid, nats.
+        """
+        grid = np.asarray(prob, dtype=np.float64)
+        own = self.cell_probabilities(len(grid))
+        possible = grid > 0.0
+        ratio = np.log(grid[possible]) - np.log(np.maximum(own[possible], 1e-300))
+        return float(grid[possible] @ ratio)
 
     def covariances(self) -> FloatArray:
         """Return the modes' covariances, those of the normal distributions with their curvature.
