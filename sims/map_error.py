@@ -1,4 +1,4 @@
-"""How wrong is the map of a drive, before and after, and with false links among the true ones?
+"""Measure how wrong maps of drives are, before and after, and with false links among the true.
 
     python sims/map_error.py [--quick] [--homes N,N ...] [--landmark-homes N] [--no-homes]
                              [--output DIR]
@@ -33,7 +33,7 @@ from pflut import LikelihoodTable
 from pflut._files import write_csv
 from pflut.datasets import load_simulated_home
 from pflut.features import FeatureCache
-from pflut.geometry import FloatArray, compose
+from pflut.geometry import FloatArray
 from pflut.mapping.all_pairs import all_pairs
 from pflut.mapping.drive_images import drive_images
 from pflut.mapping.false_links import with_false_links
@@ -132,11 +132,13 @@ def measured(drive: Drive, seed: int) -> list[list[object]]:
             found = optimize_graph(graph, loss=method)
             after = MapErrors.of(found.poses, drive.truth)
             rows.append(
-                [drive.world, drive.name, drive.home, seed, kind, share, method]
-                + [after.position, before.position]
-                + [after.position_scaled, before.position_scaled]
-                + [after.position_from_start, before.position_from_start]
-                + [np.degrees(after.heading)]
+                [
+                    *(drive.world, drive.name, drive.home, seed, kind, share, method),
+                    *(after.position, before.position),
+                    *(after.position_scaled, before.position_scaled),
+                    *(after.position_from_start, before.position_from_start),
+                    np.degrees(after.heading),
+                ]
             )
     return rows
 

@@ -31,9 +31,7 @@ def mode(headings: FloatArray, weight: float = 1.0, uniform: float = 0.0) -> Von
     )
 
 
-def links_of(
-    pairs: FloatArray, mixtures: list[VonMisesMixture], probability: float = 0.9
-) -> Links:
+def links_of(pairs: FloatArray, mixtures: list[VonMisesMixture], probability: float = 0.9) -> Links:
     """Links between images."""
     count = len(mixtures)
     return Links.of(
@@ -78,4 +76,3 @@ def simulated_graph(
         exact.odometry_information,
         links_of(pairs, [mode(heading) for heading in headings], probability),
     )
-

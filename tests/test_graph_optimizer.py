@@ -133,8 +133,9 @@ def test_false_links_let_go(loss: str) -> None:
 def test_without_robustness_they_do_harm() -> None:
     truth = loop(32)
     graph = with_false(simulated_graph(truth, np.random.default_rng(0)), truth, 20, 0)
-    plain, robust = (error(optimize_graph(graph, loss=loss).poses, truth) for loss in
-                     ("gaussian", "mixture"))
+    plain, robust = (
+        error(optimize_graph(graph, loss=loss).poses, truth) for loss in ("gaussian", "mixture")
+    )
     assert plain > 5.0 * robust
 
 

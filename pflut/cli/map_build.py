@@ -163,9 +163,7 @@ def _write(
     from pflut.trajectory import Trajectory, write_tum
 
     believed = np.flatnonzero(found.link_probability > 0.5)
-    write_g2o(
-        folder / "map.g2o", found.graph, edges=believed if arguments.plain_links else None
-    )
+    write_g2o(folder / "map.g2o", found.graph, edges=believed if arguments.plain_links else None)
     truth = drive.ground_truth
     trajectories = {"poses": found.poses, "odometry": graph.poses, "groundtruth": truth}
     for name, poses in trajectories.items():

@@ -60,8 +60,7 @@ def write_g2o(
     """
     ids = graph.ids.tolist()
     lines = [
-        f"VERTEX_SE2 {node} {_numbers(pose)}"
-        for node, pose in zip(ids, graph.poses, strict=True)
+        f"VERTEX_SE2 {node} {_numbers(pose)}" for node, pose in zip(ids, graph.poses, strict=True)
     ]
     for (before, after), motion, information in zip(
         graph.odometry_nodes.tolist(), graph.odometry, graph.odometry_information, strict=True
@@ -236,9 +235,7 @@ def _symmetric(upper: list[float]) -> FloatArray:
     return np.triu(matrix) + np.triu(matrix, 1).T
 
 
-def _parse(
-    where: str, words: list[str], nodes: int, numbers: int
-) -> tuple[list[int], list[float]]:
+def _parse(where: str, words: list[str], nodes: int, numbers: int) -> tuple[list[int], list[float]]:
     """Give the ids and the numbers of a line, exactly so many."""
     if len(words) != nodes + numbers:
         raise ValueError(f"{where}: {len(words)} values, expected {nodes + numbers}")

@@ -19,6 +19,7 @@ of Robotics Research 32 (2013): mixtures in pose graphs, of which the best compo
 from __future__ import annotations
 
 from dataclasses import dataclass
+
 import numpy as np
 
 from pflut.geometry import FloatArray, wrap_to_pi
@@ -134,7 +135,10 @@ def optimize_graph(
     if search and loss in ("mixture", "max-mixture"):
         broad = GraphSystem(graph, "cauchy", heading_noise, position_noise)
         starts = []
-        for begin in (lambda: _grown(system, graph.poses), lambda: _settled(broad, graph.poses)[:2]):
+        for begin in (
+            lambda: _grown(system, graph.poses),
+            lambda: _settled(broad, graph.poses)[:2],
+        ):
             poses, steps = begin()
             iterations += steps
             starts.append(poses)

@@ -79,9 +79,7 @@ class GraphSystem:
             Nats.
         """
         values, _ = headings(poses, self.nodes)
-        residuals, _ = odometry_residuals(
-            poses, self.graph.odometry_nodes, self.graph.odometry
-        )
+        residuals, _ = odometry_residuals(poses, self.graph.odometry_nodes, self.graph.odometry)
         whitened = np.einsum("kij,kj->ki", self._odometry, residuals)
         cost = 0.5 * float((whitened**2).sum())
         energies = self.terms.energies(values, self.whitening, self.constant)
@@ -94,7 +92,9 @@ class GraphSystem:
             shares = (energies <= energy[self.terms.link]).astype(np.float64)
         return shares, cost + float(energy.sum())
 
-    def descend(self, poses: FloatArray, shares: FloatArray | None = None) -> tuple[FloatArray, int]:
+    def descend(
+        self, poses: FloatArray, shares: FloatArray | None = None
+    ) -> tuple[FloatArray, int]:
         """Move the nodes until the cost is least.
 
         Parameters

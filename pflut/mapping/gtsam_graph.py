@@ -91,7 +91,7 @@ def _error(gtsam: Any, system: GraphSystem, link: int, chosen: Any) -> Any:
     ends = np.array([[0, 1]])
 
     def error(this: Any, values: Any, jacobians: Any) -> FloatArray:
-        left, right = (values.atPose2(key) for key in this.keys())
+        left, right = map(values.atPose2, this.keys())
         poses = np.array([[p.x(), p.y(), p.theta()] for p in (left, right)])
         angles, slopes = headings(poses, ends)
         energies = terms.energies(angles, whitening, constant)
