@@ -134,14 +134,9 @@ def optimize_graph(
     starts = [graph.poses.copy()]
     if search and loss in ("mixture", "max-mixture"):
         broad = GraphSystem(graph, "cauchy", heading_noise, position_noise)
-        starts = []
-        for begin in (
-            lambda: _grown(system, graph.poses),
-            lambda: _settled(broad, graph.poses)[:2],
-        ):
-            poses, steps = begin()
-            iterations += steps
-            starts.append(poses)
+        grown, first = _grown(system, graph.poses)
+        settled, second, _ = _settled(broad, graph.poses)
+        starts, iterations = [grown, settled], first + second
     ends = []
     for start in starts:
         poses, steps, converged = _settled(system, start)
