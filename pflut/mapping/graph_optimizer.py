@@ -79,7 +79,8 @@ class OptimizedGraph:
         """
         n = len(self.graph)
         nodes = np.stack([np.arange(n), np.arange(n)], axis=1)
-        covariances = self.system.pair_covariances(self.poses, self.shares, nodes)
+        shares = self.shares[self.system.terms.component]
+        covariances = self.system.pair_covariances(self.poses, shares, nodes)
         return np.asarray(covariances[:, :3, :3])
 
 
@@ -147,11 +148,13 @@ def optimize_graph(
     shares, cost = system.shares(poses)
     probability = np.zeros(len(graph.links))
     np.add.at(probability, system.terms.link, shares)
+    of_all = np.zeros(len(graph.links.weights) + len(graph.links.rotation_weights))
+    of_all[system.terms.component] = shares
     poses[:, 2] = wrap_to_pi(poses[:, 2])
     return OptimizedGraph(
         graph.with_poses(poses),
         np.minimum(probability, 1.0),
-        shares,
+        of_all,
         cost,
         iterations,
         converged,

@@ -150,18 +150,18 @@ class GraphSystem:
         values, slopes = odometry_residuals(poses, graph.odometry_nodes, graph.odometry)
         chosen = np.flatnonzero(shares > FAINT)
         ends, end_slopes = headings(poses, self.nodes)
-        of_links, link_slopes = terms.residuals(ends, end_slopes, self.whitening)
+        of_links, link_slopes = terms.residuals(ends, end_slopes, self.whitening, chosen)
         root = np.sqrt(shares[chosen])[:, None]
         residuals = np.concatenate(
             [
                 np.einsum("kij,kj->ki", self._odometry, values).ravel(),
-                (root * of_links[chosen]).ravel(),
+                (root * of_links).ravel(),
             ]
         )
         entries = np.concatenate(
             [
                 (self._odometry @ slopes).reshape(-1, 6),
-                (root[:, :, None] * link_slopes[chosen]).reshape(-1, 6),
+                (root[:, :, None] * link_slopes).reshape(-1, 6),
             ]
         )
         nodes = np.concatenate(

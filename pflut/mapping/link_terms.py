@@ -18,21 +18,26 @@ MAX_CORRELATION = 0.999
 """Between the headings of a mode: what is sharper along the rotation than that is a band."""
 BROADEST = 1e-3
 """Concentration that a mode has at least."""
+NEGLIGIBLE = 0.005
+"""A component whose weight times its link's probability is less counts as nothing being known."""
 MAX_PROBABILITY = 0.99
 """No link is believed more: places that look the same are beyond what a posterior can tell."""
 
+ALL = slice(None)
 _OF_BAND = np.array([[1.0, -1.0], [1.0, 0.0]])
 
 
 @dataclass(frozen=True, eq=False)
 class LinkTerms:
-    """Modes and bands of the links' mixtures, c of them, in one form.
+    """Modes and bands of the links' mixtures, c of them that are not negligible, in one form.
 
     A component says of the headings h that ``frame h`` is distributed about ``mean`` with
     ``covariance``; of a mode these are both headings, of a band the rotation and heading_l.
 
     Parameters
     ----------
+    component : ndarray of shape (c,), int
+        Their numbers among all modes, and then all bands, of the links.
     link : ndarray of shape (c,), int
         Which link a component belongs to.
     log_weight : ndarray of shape (c,)
@@ -47,6 +52,7 @@ class LinkTerms:
         Of each link: minus the log of the density, weighted, that nothing is known.
     """
 
+    component: IndexArray
     link: IndexArray
     log_weight: FloatArray
     frame: FloatArray
@@ -68,25 +74,28 @@ class LinkTerms:
         with np.errstate(divide="ignore"):
             covariance[modes:, 0, 0] = 1.0 / np.maximum(links.rotation_concentrations, BROADEST)
             covariance[modes:, 1, 1] = 1.0 / links.rotation_heading_concentrations
-            weight = np.concatenate([links.weights, links.rotation_weights])
-            log_weight = np.log(probability[link] * weight)
+        weight = probability[link] * np.concatenate([links.weights, links.rotation_weights])
         # a band's rotation is heading_l - heading_r + pi
         band_mean = np.stack([links.rotation_means - np.pi, links.rotation_headings], axis=-1)
         band = np.arange(modes + bands) >= modes
+        kept = np.flatnonzero(weight >= NEGLIGIBLE)
+        known = np.bincount(link[kept], weight[kept], minlength=len(links))
         return cls(
-            link,
-            log_weight,
-            np.where(band[:, None, None], _OF_BAND, np.eye(2)),
-            np.concatenate([links.means, band_mean]),
-            covariance,
-            band,
-            2.0 * LOG_TURN - np.log(probability * links.uniform_weight + 1.0 - probability),
+            kept,
+            link[kept],
+            np.log(weight[kept]),
+            np.where(band[kept, None, None], _OF_BAND, np.eye(2)),
+            np.concatenate([links.means, band_mean])[kept],
+            covariance[kept],
+            band[kept],
+            2.0 * LOG_TURN - np.log(1.0 - known),
         )
 
     def select(self, chosen: NDArray[np.intp]) -> LinkTerms:
         """Give the components of one link by themselves."""
         (link,) = np.unique(self.link[chosen])
         return LinkTerms(
+            self.component[chosen],
             np.zeros(len(chosen), np.int64),
             self.log_weight[chosen],
             self.frame[chosen],
@@ -125,25 +134,32 @@ class LinkTerms:
         return whitening, constant
 
     def residuals(
-        self, headings: FloatArray, jacobians: FloatArray, whitening: FloatArray
+        self,
+        headings: FloatArray,
+        jacobians: FloatArray,
+        whitening: FloatArray,
+        chosen: NDArray[np.intp] | slice = ALL,
     ) -> tuple[FloatArray, FloatArray]:
-        """Compare the headings between nodes with each component.
+        """Compare the headings between nodes with components.
 
         Parameters
         ----------
         headings : ndarray of shape (m, 2)
         jacobians : ndarray of shape (m, 2, 6)
         whitening : ndarray of shape (c, 2, 2)
+        chosen : ndarray of shape (k,), int
+            Which components; by default all.
 
         Returns
         -------
-        residuals : ndarray of shape (c, 2)
-        jacobians : ndarray of shape (c, 2, 6)
+        residuals : ndarray of shape (k, 2)
+        jacobians : ndarray of shape (k, 2, 6)
         """
-        there = np.einsum("cij,cj->ci", self.frame, headings[self.link])
-        chord, slope = chords(there - self.mean)
-        inner = slope[:, :, None] * (self.frame @ jacobians[self.link])
-        return np.einsum("cij,cj->ci", whitening, chord), whitening @ inner
+        link, frame, root = self.link[chosen], self.frame[chosen], whitening[chosen]
+        there = np.einsum("cij,cj->ci", frame, headings[link])
+        chord, slope = chords(there - self.mean[chosen])
+        inner = slope[:, :, None] * (frame @ jacobians[link])
+        return np.einsum("cij,cj->ci", root, chord), root @ inner
 
     def energies(
         self, headings: FloatArray, whitening: FloatArray, constant: FloatArray
