@@ -57,6 +57,9 @@ if TYPE_CHECKING:
     from pflut.mapping.g2o import write_g2o as write_g2o
     from pflut.mapping.graph_optimizer import OptimizedGraph as OptimizedGraph
     from pflut.mapping.graph_optimizer import optimize_graph as optimize_graph
+    from pflut.mapping.link_evidence import LinkEvidence as LinkEvidence
+    from pflut.mapping.link_evidence import link_evidence as link_evidence
+    from pflut.mapping.link_model import LinkModel as LinkModel
     from pflut.mapping.links import Links as Links
     from pflut.mapping.map_errors import MapErrors as MapErrors
     from pflut.mapping.pair_linker import LinkOptions as LinkOptions
@@ -99,6 +102,8 @@ _NAMES = {
     "LinkOptions": "mapping.pair_linker",
     "Links": "mapping.links",
     "load_table": "likelihood.files",
+    "LinkEvidence": "mapping.link_evidence",
+    "LinkModel": "mapping.link_model",
     "Localizer": "localization.localizer",
     "MapErrors": "mapping.map_errors",
     "Moved": "localization.resampling_policy",
@@ -125,6 +130,7 @@ _NAMES = {
     "estimate_relative_poses": "relpose.search",
     "extract_constraint": "mapping.constraint",
     "fit_temperature": "calibration",
+    "link_evidence": "mapping.link_evidence",
     "load_camera": "camera",
     "load_dataset": "datasets",
     "match": "features",
