@@ -1,12 +1,13 @@
 """Kernels that fit a mixture to a grid by expectation maximization.
 
-A grid holds a density at the centres of its cells, divided by its sum. So does a component here: one
-sharper than a cell is divided by its sum over the cells, not by its integral, and its moments are
-those of the cells. At a block of cells, see `point_kernels`, it is evaluated as if blurred; and it
-is evaluated on the tiles where it is not negligible only.
+A grid holds a density at the centres of its cells, divided by its sum. So does a component here:
+one sharper than a cell is divided by its sum over the cells, not by its integral, and its moments
+are those of the cells. At a block of cells, see `point_kernels`, it is evaluated as if blurred; and
+it is evaluated on the tiles where it is not negligible only.
 
-Columns of a component: weight, then of a mode mean heading_l, mean heading_r, k1, k2, coupling; of a
-band mean rotation, mean heading_l, their concentrations, and nothing. The last column is its kind.
+Columns of a component: weight, then of a mode mean heading_l, mean heading_r, k1, k2, coupling; of
+a band mean rotation, mean heading_l, their concentrations, and nothing. The last column is its
+kind.
 """
 
 from __future__ import annotations
@@ -100,13 +101,9 @@ def half_width(k1, k2, coupling, nats):  # type: ignore[no-untyped-def]
     With v = 1 - cos d1 and r^2 = c^2 / (k1 k2) its log-density is there at most
     -k1 v (1 - r^2 + r^2 v / 2) below.
     """
-    product = k1 * k2
-    if k1 < 1e-9 or product < 1e-18:
-        squared = 0.0
-    else:
-        squared = min(coupling * coupling / product, 1.0)
     if k1 < 1e-9:
         return np.pi
+    squared = min(coupling * coupling / (k1 * max(k2, 1e-9)), 1.0)
     share = nats / k1
     rest = 1.0 - squared
     v = 2.0 * share / (rest + np.sqrt(rest * rest + 2.0 * squared * share))
@@ -466,7 +463,7 @@ def concentration(spread):  # type: ignore[no-untyped-def]
         return length * (2.0 + length**2 + 5.0 / 6.0 * length**4)
     if length < 0.85:
         return -0.4 + 1.39 * length + 0.43 / spread
-    return 1.0 / (spread * (1.0 + length * (length - 2.0) + 1.0) * length + 2.0 * spread * spread)
+    return 1.0 / (length * spread * (2.0 + spread))
 
 
 @jit
@@ -491,9 +488,9 @@ def update_mode(moments, blur, least, component):  # type: ignore[no-untyped-def
     """Set a mode from its moments: score matching, which is linear and needs no normaliser.
 
     With t the statistics (cos d1, cos d2, sin d1 sin d2), the parameters solve
-    E[grad t . grad t'] x = -E[Laplacian of t]. K. V. Mardia, J. T. Kent, A. K. Laha, "Score matching
-    estimators for directional distributions", arXiv:1604.08470, 2016. For small deviations it is
-    the inverse of the covariance.
+    E[grad t . grad t'] x = -E[Laplacian of t]. K. V. Mardia, J. T. Kent, A. K. Laha, "Score
+    matching estimators for directional distributions", arXiv:1604.08470, 2016. For small deviations
+    it is the inverse of the covariance.
     """
     mass = moments[0]
     component[WEIGHT] = mass
@@ -792,4 +789,17 @@ def fit(  # type: ignore[no-untyped-def]
         if little and disappointed:
             break
         disappointed = little
+    # nothing more may be added: improve what there is
+    for _ in range(int(steps)):
+        if divergence <= target:
+            break
+        for _ in range(int(steps)):
+            uniform = _maximize(points, cell, components, count, run_rows, num_runs, scratch, total)
+            _expect(
+                points, start, cell, components, count, uniform, run_rows, num_runs, scratch, total
+            )
+        before = divergence
+        divergence = base + _cross_entropy(points, total)
+        if before - divergence < 0.05 * divergence:
+            break
     return count, uniform, divergence
