@@ -142,15 +142,16 @@ def optimize_graph(
     for start in starts:
         poses, steps, converged = _settled(system, start)
         iterations += steps
+        system.set_noise(poses)
         ends.append((system.shares(poses)[1], poses, converged))
-    cost, poses, converged = min(ends, key=lambda end: end[0])
+    _, poses, converged = min(ends, key=lambda end: end[0])
     system.set_noise(poses)
     shares, cost = system.shares(poses)
     probability = np.zeros(len(graph.links))
     np.add.at(probability, system.terms.link, shares)
     of_all = np.zeros(len(graph.links.weights) + len(graph.links.rotation_weights))
     of_all[system.terms.component] = shares
-    poses[:, 2] = wrap_to_pi(poses[:, 2])
+    poses = np.column_stack([poses[:, :2], wrap_to_pi(poses[:, 2])])
     return OptimizedGraph(
         graph.with_poses(poses),
         np.minimum(probability, 1.0),
