@@ -14,6 +14,7 @@ mixture      with the mixtures of the links, as pflut does by default
 max-mixture  with the best component of each
 cauchy, huber, gaussian
              with the heaviest component of each link and a robust kernel, or none
+gtsam        by GTSAM, with max-mixtures, from where odometry puts the images
 
 Prints medians and ranges of the error of positions (root mean square, metres, after the best
 fitting shift and turn) and of its ratio to odometry's; writes a CSV and a figure. Links are kept in
@@ -39,6 +40,7 @@ from pflut.mapping.all_pairs import all_pairs
 from pflut.mapping.drive_images import drive_images
 from pflut.mapping.false_links import with_false_links
 from pflut.mapping.graph_optimizer import optimize_graph
+from pflut.mapping.gtsam_graph import gtsam_graph, poses_of
 from pflut.mapping.link_model import LinkModel
 from pflut.mapping.links import Links
 from pflut.mapping.map_errors import MapErrors
@@ -55,7 +57,7 @@ from pflut.simulation.odometry import simulate_odometry
 DRIVES = ("test drive", "mapping drive")
 FALSE = (("none", 0.0), ("random", 0.2), ("random", 0.4), ("pair", 0.2), ("place", 0.2))
 COMPARED = (("none", 0.0), ("random", 0.2), ("place", 0.2))  # with all methods
-METHODS = ("mixture", "max-mixture", "cauchy", "huber", "gaussian")
+METHODS = ("mixture", "max-mixture", "cauchy", "huber", "gaussian", "gtsam")
 COLUMNS = ("world", "drive", "home", "odometry_seed", "false", "share", "method", "position_m")
 COLUMNS += ("odometry_position_m", "scaled_m", "odometry_scaled_m")
 COLUMNS += ("from_start_m", "odometry_from_start_m", "heading_deg")
@@ -84,6 +86,12 @@ def main() -> None:
     )
     parser.add_argument("--landmark-homes", type=int, default=10, help="(default: %(default)s)")
     parser.add_argument("--no-homes", action="store_true", help="no rendered homes")
+    parser.add_argument(
+        "--methods",
+        type=lambda text: text.split(","),
+        default=list(METHODS[:-1]),
+        help="of those above, the first of them in all cases (default: all but gtsam)",
+    )
     parser.add_argument("--odometries", type=int, default=2, help="a drive (default: %(default)s)")
     parser.add_argument("--output", type=Path, default=Path("results/map_error"))
     arguments = parser.parse_args()
@@ -93,7 +101,7 @@ def main() -> None:
     rows = []
     for drive in drives(rendered, landmarks, arguments.output):
         for seed in range(arguments.odometries):
-            rows += measured(drive, seed)
+            rows += measured(drive, seed, arguments.methods)
         write_csv(arguments.output / "map_error.csv", COLUMNS, rows)
     report(rows)
     figure(rows, arguments.output / "map_error.png")
@@ -120,7 +128,7 @@ def drives(rendered: list[int], landmarks: int, folder: Path) -> Iterator[Drive]
             yield Drive("rendered", name, home, images.ground_truth, links)
 
 
-def measured(drive: Drive, seed: int) -> list[list[object]]:
+def measured(drive: Drive, seed: int, methods: list[str]) -> list[list[object]]:
     """Optimise the graphs of a drive with one odometry."""
     odometry = simulate_odometry(drive.truth, rng=np.random.default_rng([drive.home, 14, seed]))
     before = MapErrors.of(odometry, drive.truth)
@@ -130,9 +138,8 @@ def measured(drive: Drive, seed: int) -> list[list[object]]:
         if share:
             links = with_false_links(links, drive.truth, share, kind, rng=[drive.home, 41, seed])
         graph = PoseGraph.from_odometry(odometry, links)
-        for method in METHODS if (kind, share) in COMPARED else METHODS[:1]:
-            found = optimize_graph(graph, loss=method)
-            after = MapErrors.of(found.poses, drive.truth)
+        for method in methods if (kind, share) in COMPARED else methods[:1]:
+            after = MapErrors.of(optimized(graph, method), drive.truth)
             rows.append(
                 [
                     *(drive.world, drive.name, drive.home, seed, kind, share, method),
@@ -145,23 +152,33 @@ def measured(drive: Drive, seed: int) -> list[list[object]]:
     return rows
 
 
+def optimized(graph: PoseGraph, method: str) -> FloatArray:
+    """Give the poses that a method finds."""
+    if method != "gtsam":
+        return optimize_graph(graph, loss=method).poses
+    import gtsam
+
+    factors, values = gtsam_graph(graph)
+    return poses_of(gtsam.LevenbergMarquardtOptimizer(factors, values).optimize(), graph)
+
+
 def report(rows: list[list[object]]) -> None:
     """Print medians and ranges over homes and odometries.
 
     The last columns count the graphs whose error is at most a quarter of odometry's, and at most
     one and a half times that of the same graph without false links.
     """
-    heads = (
-        f"{'position [m]':>22}{'of odometry':>24}{'<= 1/4':>10}{'of no false':>24}{'<= 1.5':>10}"
-    )
-    print(f"{'':<36}{heads}")
+    print(f"{'':<36}{'position [m]':>22}{'of odometry':>24}{'<= 1/4':>10}", end="")
+    print(f"{'of no false':>24}{'<= 1.5':>10}")
     for world, name in sorted({(row[0], row[1]) for row in rows}):
         those = [row for row in rows if row[:2] == [world, name]]
-        plain = [row for row in those if row[4] == "none" and row[6] == METHODS[0]]
+        plain = [row for row in those if row[4] == "none" and row[6] == those[0][6]]
         odometry, scaled = (np.array([row[column] for row in plain]) for column in (8, 9))
         start, odometry_start = (np.array([row[column] for row in plain]) for column in (11, 12))
         print(f"\n{world}, {name}: {len(odometry)} graphs, odometry {_range(odometry)} m")
-        print(f"  no false links, mixture: but for the size {_range(scaled)} m; from the start")
+        print(
+            f"  no false links, {those[0][6]}: but for the size {_range(scaled)} m; from the start"
+        )
         print(f"  {_range(start)} m, odometry {_range(odometry_start)} m")
         for method in METHODS:
             clean = {}
@@ -195,13 +212,13 @@ def figure(rows: list[list[object]], path: Path) -> None:
     ]
     for axes, (world, name) in zip(panels, kinds, strict=True):
         those = [row for row in rows if row[:2] == [world, name]]
-        odometry = [row[8] for row in those if row[4] == "none" and row[6] == METHODS[0]]
+        odometry = [row[8] for row in those if row[4] == "none" and row[6] == those[0][6]]
         _dots(axes, 0.0, np.array(odometry), "0.35", None)
         for number, method in enumerate(METHODS):
             for place, (kind, share) in enumerate(FALSE, start=1):
-                if number and (kind, share) not in COMPARED:
-                    continue
                 values = np.array([r[7] for r in those if r[4:7] == [kind, share, method]])
+                if not len(values):
+                    continue
                 at = place + 0.15 * (number - 2)
                 _dots(axes, at, values, CYCLE[number], method if place == 1 else None)
         axes.set(yscale="log", title=f"{world}, {name}", xticks=range(len(labels)))
