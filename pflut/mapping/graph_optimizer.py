@@ -3,12 +3,13 @@
 The cost is minus the log of the posterior density: odometry is normal, and each link a mixture of
 its components and of nothing being known (`LinkTerms`), so that a false link lets go by itself.
 Such a cost has many minima, and is descended (expectation maximization, each step one of Levenberg
-and Marquardt) from two places, of which the lower end is taken:
+and Marquardt) from three places, of which the lowest end is taken:
 
-1. Growth. All links are weighted against where they are predicted to be, with the uncertainty of
+1. Where the nodes are.
+2. Growth. All links are weighted against where they are predicted to be, with the uncertainty of
    that prediction; those whose prediction is too vague to judge them wait until others have made
    it sharper.
-2. The minimum with a Cauchy kernel on every link, which is broad.
+3. The minimum with a Cauchy kernel on every link, which is broad.
 
 References
 ----------
@@ -104,8 +105,8 @@ def optimize_graph(
         more probable than not, and believe it (to compare with): "huber" and "cauchy" with the
         robust kernels of that name.
     search : bool
-        Whether the two mixtures look for a good place to descend from, as said above, or begin
-        where the nodes are.
+        Whether the two mixtures are descended from all three places, or only from where the nodes
+        are.
     heading_noise : float
         Standard deviation, radians, added to the headings of every link: what posteriors do not
         know of, as a camera that is not upright.
@@ -137,7 +138,7 @@ def optimize_graph(
         broad = GraphSystem(graph, "cauchy", heading_noise, position_noise)
         grown, first = _grown(system, graph.poses)
         settled, second, _ = _settled(broad, graph.poses)
-        starts, iterations = [grown, settled], first + second
+        starts, iterations = [*starts, grown, settled], first + second
     ends = []
     for start in starts:
         poses, steps, converged = _settled(system, start)
