@@ -53,11 +53,17 @@ if TYPE_CHECKING:
     from pflut.mapping.all_pairs import all_pairs as all_pairs
     from pflut.mapping.constraint import PoseConstraint as PoseConstraint
     from pflut.mapping.constraint import extract_constraint as extract_constraint
+    from pflut.mapping.g2o import read_g2o as read_g2o
+    from pflut.mapping.g2o import write_g2o as write_g2o
+    from pflut.mapping.graph_optimizer import OptimizedGraph as OptimizedGraph
+    from pflut.mapping.graph_optimizer import optimize_graph as optimize_graph
     from pflut.mapping.link_evidence import LinkEvidence as LinkEvidence
     from pflut.mapping.link_evidence import link_evidence as link_evidence
     from pflut.mapping.link_model import LinkModel as LinkModel
     from pflut.mapping.links import Links as Links
+    from pflut.mapping.map_errors import MapErrors as MapErrors
     from pflut.mapping.pair_linker import LinkOptions as LinkOptions
+    from pflut.mapping.pose_graph import PoseGraph as PoseGraph
     from pflut.posterior import GridPosterior as GridPosterior
     from pflut.posterior import pose_posterior as pose_posterior
     from pflut.reference_map import ReferenceMap as ReferenceMap
@@ -99,10 +105,13 @@ _NAMES = {
     "LinkEvidence": "mapping.link_evidence",
     "LinkModel": "mapping.link_model",
     "Localizer": "localization.localizer",
+    "MapErrors": "mapping.map_errors",
     "Moved": "localization.resampling_policy",
     "Omnidirectional": "localization.motion",
+    "OptimizedGraph": "mapping.graph_optimizer",
     "ParticleFilter": "localization.particle_filter",
     "PoseConstraint": "mapping.constraint",
+    "PoseGraph": "mapping.pose_graph",
     "Recovery": "localization.recovery",
     "ReferenceImageModel": "localization.reference_image_model",
     "ReferenceMap": "reference_map",
@@ -126,10 +135,13 @@ _NAMES = {
     "load_dataset": "datasets",
     "match": "features",
     "match_many": "features",
+    "optimize_graph": "mapping.graph_optimizer",
     "pose_posterior": "posterior",
     "ransac_relative_pose": "relpose.ransac",
     "ransac_relative_poses": "relpose.ransac",
+    "read_g2o": "mapping.g2o",
     "refine_relative_pose": "relpose.refine",
+    "write_g2o": "mapping.g2o",
 }
 
 __getattr__, __dir__, __all__ = lazy(__name__, _NAMES)

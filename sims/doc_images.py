@@ -1,6 +1,6 @@
 """Make the pictures of the documentation, all from the project's own simulator.
 
-    python sims/doc_images.py [conventions|replay|home|relpose ...]
+    python sims/doc_images.py [conventions|replay|home|relpose|maps ...]
 
 Without names all of them, in about two minutes. They go to docs/images/.
 """
@@ -69,6 +69,14 @@ def relpose() -> None:
         figure = f"{folder}/pair.png"
         run(["relpose", *names, "--dataset", "simulated-home", "--figure", figure])
         shrink(Path(figure), IMAGES / "pair.jpg")
+
+
+def maps() -> None:
+    """Draw the map of the simulated home's mapping drive."""
+    with tempfile.TemporaryDirectory() as folder:
+        drive = ["--images", "references", "--simulate-odometry"]
+        run(["map", "build", "simulated-home", *drive, "--output", f"{folder}/map"])
+        shrink(Path(folder) / "map" / "figures" / "map.png", IMAGES / "map.jpg")
 
 
 def conventions() -> None:
@@ -242,7 +250,7 @@ def shrink(source: Path, target: Path) -> None:
     picture.save(target, optimize=True, quality=88)
 
 
-PICTURES = {f.__name__: f for f in (conventions, replay, home, relpose)}
+PICTURES = {f.__name__: f for f in (conventions, replay, home, relpose, maps)}
 
 
 def main() -> None:

@@ -20,7 +20,7 @@ PACKAGE = Path(pflut.__file__).parent
 ORDER = [
     "_jit _lanes _files _cache _lazy geometry",
     "_trig _random _robust _cells _jobs correspondences trajectory statistics",
-    "camera evaluation reliability von_mises",
+    "camera evaluation reliability von_mises alignment",
     "features",
     "simulation",
     "datasets",

@@ -21,6 +21,7 @@ from pflut.plot import (
     plot_errors,
     plot_medians,
     plot_pair_errors,
+    plot_pose_graph,
     plot_posterior,
     plot_trajectory,
     save_figure,
@@ -307,3 +308,21 @@ def test_a_figure_of_no_known_format(tmp_path):
     with pytest.raises(ValueError, match=r"a\.xyz: no format for figures, expected one of"):
         save_figure(figure, tmp_path / "a.xyz")
     assert not list(tmp_path.iterdir())
+
+
+def test_pose_graph_shows_the_links_that_are_believed():
+    links = np.array([[0, 1], [1, 2], [0, 3], [2, 5]])
+    probability = np.array([0.9, 0.2, 0.6, 0.99])
+    odometry = TRUTH + np.array([0.0, 3.0, 0.0])  # beyond the walls
+    figure = plot_pose_graph(
+        home(), TRUTH, links, probability, odometry=odometry, ground_truth=TRUTH, title="a map"
+    )
+    axes, colors = figure.axes
+    (drawn,) = [c for c in axes.collections if c.get_array() is not None]
+    np.testing.assert_array_equal(drawn.get_array(), [0.6, 0.9, 0.99])
+    np.testing.assert_array_equal(drawn.get_segments()[0], TRUTH[[0, 3], :2])
+    assert axes.get_ylim()[1] > 5.0 and axes.get_title() == "a map"
+    labels = {line.get_label() for line in axes.lines}
+    assert labels == {"ground truth", "odometry", "pose graph"}
+    assert colors.get_ylabel() == "probability of a link"
+    assert plot_pose_graph(home(), TRUTH, np.empty((0, 2)), np.empty(0)).axes

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -107,8 +107,24 @@ class PairLinker:
         Links
             In the order of the pairs. Each pair's is the same whatever the other pairs are.
         """
+        return self.of_matches(self._matched(features, pairs), pairs)
+
+    def of_matches(
+        self, correspondences: Sequence[Correspondences], pairs: NDArray[np.integer]
+    ) -> Links:
+        """Link pairs that are matched already.
+
+        Parameters
+        ----------
+        correspondences : sequence of n Correspondences
+            L is the first image of the pair.
+        pairs : ndarray of shape (n, 2), int
+
+        Returns
+        -------
+        Links
+        """
         options = self.options
-        correspondences = self._matched(features, pairs)
         evidence = link_evidence(correspondences, self.table)
         probability = self.link_model.probability(evidence, prior=options.prior)
         worth = (evidence.num_matches >= options.min_matches) & (

@@ -1,0 +1,228 @@
+"""``pflut map build``: from a drive with odometry to a map of where its images were taken."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pflut.cli.arguments import (
+    Subparsers,
+    add_dataset,
+    add_verb,
+    as_json,
+    command_line,
+    natural,
+    positive,
+    replay_options,
+)
+from pflut.cli.map_links import add_link_options, linked
+
+if TYPE_CHECKING:
+    from pflut.datasets.base import Dataset
+    from pflut.mapping.graph_optimizer import OptimizedGraph
+    from pflut.mapping.map_errors import MapErrors
+    from pflut.mapping.pose_graph import PoseGraph
+
+_DETAILS = """\
+Links the images (as pflut map links, whose options it takes), makes a pose graph of odometry and
+links, and finds the most probable poses; false links let go by themselves. No true pose is used but
+to say in the end how wrong the map is.
+
+Results: map.g2o (for g2o, GTSAM and pflut), poses.tum, odometry.tum and groundtruth.tum where it is
+known, links.npz, metrics.json, run.json, figures/map.png. Interrupted while it links, the same
+command with the same --output goes on.
+
+Needs pip install "pflut[mapping]"."""
+
+_EXAMPLES = """\
+  pflut map build simulated-home --output results/map
+  pflut map build simulated-home --images references --simulate-odometry   its longer drive
+  pflut map build drive/ --max-candidates 20 --plain-links
+"""
+
+
+def add_parser(actions: Subparsers) -> None:
+    """Add the action."""
+    parser = add_verb(
+        actions,
+        "build",
+        "make a map of a drive: a pose graph of odometry and links, optimised",
+        usage="[options] DATASET",
+        details=_DETAILS,
+        examples=_EXAMPLES,
+    )
+    add_dataset(parser)
+    parser.add_argument(
+        "--output",
+        metavar="DIR",
+        type=Path,
+        help="folder of the results (default: results/<date>_<time>_<dataset>-map)",
+    )
+    parser.add_argument(
+        "--images",
+        choices=("all", "references", "queries"),
+        default="all",
+        help="of the dataset, those with odometry (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--simulate-odometry",
+        action="store_true",
+        help="simulate odometry from the ground truth, even where the dataset has some",
+    )
+    parser.add_argument(
+        "--seed", metavar="N", type=natural, default=0, help="of it (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--max-images", metavar="N", type=positive, help="the first N images (default: all)"
+    )
+    parser.add_argument(
+        "--plain-links",
+        action="store_true",
+        help="write the links that are believed to map.g2o as EDGE_SE2, too, for programs that "
+        "do not know pflut's own tag",
+    )
+    parser.add_argument("--no-figures", action="store_true", help="write no figures")
+    add_link_options(parser)
+    parser.set_defaults(run=run, parser=parser)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Build the map, write it and print how good it is."""
+    options = replay_options(arguments)
+
+    from pflut._files import write_json
+    from pflut.cli.loading import load
+    from pflut.cli.progress import Bars
+    from pflut.mapping.drive_images import drive_images
+    from pflut.mapping.graph_optimizer import optimize_graph
+    from pflut.mapping.pose_graph import PoseGraph
+    from pflut.results import create_results_folder, run_record
+
+    with Bars() as bars:
+        whole = load(arguments.dataset, None, progress=bars)
+        drive = drive_images(
+            whole,
+            arguments.images,
+            simulate=arguments.simulate_odometry,
+            max_images=arguments.max_images,
+            seed=arguments.seed,
+        )
+        begun = arguments.output is not None and (arguments.output / "settings.json").is_file()
+        folder = create_results_folder(arguments.output, f"{whole.name} map", overwrite=begun)
+        links = linked(arguments, drive, options, folder, bars)
+    graph = PoseGraph.from_odometry(drive.odometry, links)  # type: ignore[arg-type]
+    try:
+        found = optimize_graph(graph)
+    except ImportError as error:
+        raise ValueError(str(error)) from None
+    errors = _errors(drive, graph, found)
+    _write(folder, drive, graph, found, errors, arguments)
+    record = run_record(
+        command_line(),
+        dataset=whole.name,
+        images=[path.name for path in drive.image_paths],
+        arguments=as_json(arguments),
+    )
+    write_json(folder / "run.json", record)
+    if arguments.simulate_odometry:
+        print("note: odometry is simulated from the ground truth")
+    print(_report(drive, found, errors))
+    print(f"results: {folder}")
+
+
+def _errors(drive: Dataset, graph: PoseGraph, found: OptimizedGraph) -> dict[str, MapErrors]:
+    """Compare odometry and the map with the truth, where two true poses at least are known."""
+    import numpy as np
+
+    from pflut.mapping.map_errors import MapErrors
+
+    truth = drive.ground_truth
+    if truth is None or np.isfinite(truth).all(axis=1).sum() < 2:
+        return {}
+    return {
+        "odometry": MapErrors.of(graph.poses, truth),
+        "pose_graph": MapErrors.of(found.poses, truth),
+    }
+
+
+def _write(
+    folder: Path,
+    drive: Dataset,
+    graph: PoseGraph,
+    found: OptimizedGraph,
+    errors: dict[str, MapErrors],
+    arguments: argparse.Namespace,
+) -> None:
+    """Write the map and what is known of it."""
+    import numpy as np
+
+    from pflut._files import write_json
+    from pflut.alignment import align_poses
+    from pflut.mapping.g2o import write_g2o
+    from pflut.trajectory import Trajectory, write_tum
+
+    believed = np.flatnonzero(found.link_probability > 0.5)
+    write_g2o(folder / "map.g2o", found.graph, edges=believed if arguments.plain_links else None)
+    truth = drive.ground_truth
+    trajectories = {"poses": found.poses, "odometry": graph.poses, "groundtruth": truth}
+    for name, poses in trajectories.items():
+        if poses is not None:
+            known = np.isfinite(poses).all(axis=1)
+            write_tum(folder / f"{name}.tum", Trajectory(drive.stamps[known], poses[known]))
+    metrics: dict[str, Any] = {
+        "images": len(drive),
+        "pairs": len(graph.links),
+        "linked": int((graph.links.probability > 0.5).sum()),
+        "believed": len(believed),
+        "converged": found.converged,
+        **{name: those.as_dict() for name, those in errors.items()},
+    }
+    write_json(folder / "metrics.json", metrics)
+    if arguments.no_figures:
+        return
+    from pflut.plot import save_figure
+    from pflut.plot.pose_graph import plot_pose_graph
+
+    shown = [found.poses, graph.poses]
+    if errors:
+        shown = [align_poses(poses, truth) for poses in shown]  # type: ignore[arg-type]
+    (folder / "figures").mkdir(exist_ok=True)
+    save_figure(
+        plot_pose_graph(
+            drive,
+            shown[0],
+            graph.link_nodes,
+            found.link_probability,
+            odometry=shown[1],
+            ground_truth=truth,
+            title=f"{drive.name}: {len(drive)} images, {len(believed)} links",
+        ),
+        folder / "figures" / "map.png",
+    )
+
+
+def _report(drive: Dataset, found: OptimizedGraph, errors: dict[str, MapErrors]) -> str:
+    """Say what the map is made of and how wrong it is."""
+    links = found.graph.links
+    lines = [
+        f"{drive.name}: {len(drive)} images, {len(links)} pairs, "
+        f"{(links.probability > 0.5).sum()} linked, {(found.link_probability > 0.5).sum()} believed"
+    ]
+    if not found.converged:
+        lines.append("note: the poses still moved by more than a millimetre when the search ended")
+    if errors:
+        lines += [
+            "",
+            f"{'':<12}{'position':>10}{'largest':>10}{'from start':>12}{'heading':>10}",
+        ]
+        for name, those in errors.items():
+            values = those.as_dict()
+            lines.append(
+                f"{name.replace('_', ' '):<12}{values['position_m']:>8.3f} m"
+                f"{values['position_largest_m']:>8.3f} m"
+                f"{values['position_from_start_m']:>10.3f} m{values['heading_deg']:>6.2f} deg"
+            )
+        ratio = errors["pose_graph"].position / max(errors["odometry"].position, 1e-12)
+        lines += ["", f"position error, root mean square, {ratio:.2f} of odometry's"]
+    return "\n".join(lines)

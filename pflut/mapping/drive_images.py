@@ -1,0 +1,75 @@
+"""The images of a dataset that become the nodes of a map."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pflut.datasets.base import Dataset
+from pflut.simulation.odometry import simulate_odometry
+
+Choice = Literal["all", "references", "queries"]
+
+
+def drive_images(
+    dataset: Dataset,
+    choice: Choice = "all",
+    *,
+    simulate: bool = False,
+    max_images: int | None = None,
+    seed: int = 0,
+) -> Dataset:
+    """Take the images of a drive out of a dataset.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    choice : {"all", "references", "queries"}
+        Of which images.
+    simulate : bool
+        Whether odometry is simulated from the ground truth; otherwise the images are those that
+        have odometry.
+    max_images : int, optional
+        The first ones.
+    seed : int
+        Of the simulated odometry.
+
+    Returns
+    -------
+    Dataset
+        Its images, all of them with odometry; no references.
+
+    Raises
+    ------
+    ValueError
+        If fewer than two images are left.
+    """
+    chosen: NDArray[np.intp] = {
+        "all": np.arange(len(dataset), dtype=np.intp),
+        "references": np.sort(dataset.reference_indices),
+        "queries": np.sort(dataset.query_indices),
+    }[choice]
+    source = dataset.ground_truth if simulate else dataset.odometry
+    what = "ground truth to simulate odometry from" if simulate else "odometry"
+    if source is None:
+        raise ValueError(f"{dataset.name}: expected {what}, the dataset has none")
+    chosen = chosen[np.isfinite(source[chosen]).all(axis=1)][:max_images]
+    if len(chosen) < 2:
+        raise ValueError(f"{dataset.name}: expected 2 images with {what}, got {len(chosen)}")
+    odometry = source[chosen]
+    if simulate:
+        odometry = simulate_odometry(odometry, rng=np.random.default_rng([seed, 14]))
+    truth = dataset.ground_truth
+    none = np.empty(0, dtype=np.intp)
+    return replace(
+        dataset,
+        stamps=dataset.stamps[chosen],
+        image_paths=tuple(dataset.image_paths[index] for index in chosen.tolist()),
+        ground_truth=None if truth is None else truth[chosen],
+        odometry=odometry,
+        reference_indices=none,
+        query_indices=np.arange(len(chosen), dtype=np.intp),
+    )

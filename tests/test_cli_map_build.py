@@ -1,0 +1,84 @@
+"""``pflut map build``: what it prints and writes, gone on with, and wrong input."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import Run, refused
+
+from pflut.datasets.simulated_home import load_simulated_home
+from pflut.mapping.drive_images import drive_images
+from pflut.mapping.g2o import read_g2o
+from pflut.mapping.graph_optimizer import optimize_graph
+from pflut.mapping.links import Links
+from pflut.mapping.pose_graph import PoseGraph
+from pflut.trajectory import read_tum
+
+pytestmark = pytest.mark.usefixtures("own_folder")
+BUILD = ("map", "build", "simulated-home", "--jobs", 1, "--bins", 32, "--output", "out")
+WRITTEN = {"groundtruth.tum", "links.npz", "map.g2o", "metrics.json", "odometry.tum", "poses.tum"}
+WRITTEN |= {"run.json", "settings.json"}
+
+
+def test_a_drive_becomes_a_map(run: Run) -> None:
+    outcome = run(*BUILD, "--plain-links")
+    assert outcome.code == 0 and outcome.err == ""
+    lines = outcome.out.splitlines()
+    drive = drive_images(load_simulated_home(), "all")
+    assert f"{len(drive)} images" in lines[0] and lines[-1] == "results: out"
+    files = {path.name for path in Path("out").iterdir()}
+    assert files >= WRITTEN and Path("out/figures/map.png").stat().st_size > 10_000
+
+    # the files say the same as the library
+    links = Links.load("out/links.npz")
+    assert len(links) == len(drive) * (len(drive) - 1) // 2
+    expected = optimize_graph(PoseGraph.from_odometry(drive.odometry, links))
+    poses = read_tum("out/poses.tum")
+    np.testing.assert_allclose(poses.poses[:, :2], expected.poses[:, :2], atol=1e-9)
+    np.testing.assert_array_equal(poses.stamps, drive.stamps)
+    truth = read_tum("out/groundtruth.tum").poses
+    np.testing.assert_allclose(truth[:, :2], drive.ground_truth[:, :2], atol=1e-12)
+    graph = read_g2o("out/map.g2o")
+    believed = int((expected.link_probability > 0.5).sum())
+    assert len(graph) == len(drive) and len(graph.links) == len(links)
+    assert len(graph.odometry) == len(drive) - 1 + believed
+    metrics = json.loads(Path("out/metrics.json").read_text())
+    assert metrics["images"] == len(drive) and metrics["believed"] == believed
+    assert {"odometry", "pose_graph"} <= metrics.keys()
+    ratio = metrics["pose_graph"]["position_m"] / metrics["odometry"]["position_m"]
+    assert f"{ratio:.2f} of odometry's" in outcome.out
+    record = json.loads(Path("out/run.json").read_text())
+    assert record["images"] == [path.name for path in drive.image_paths]
+
+    # the links are there, and not computed again
+    before = Path("out/links.npz").stat().st_mtime_ns
+    assert run(*BUILD, "--plain-links").out == outcome.out
+    assert Path("out/links.npz").stat().st_mtime_ns == before
+
+
+def test_other_images_with_simulated_odometry(run: Run) -> None:
+    refused(run(*BUILD, "--images", "references"), "expected 2 images with odometry, got 0")
+    options = ("--images", "references", "--simulate-odometry", "--no-figures", "--max-images", 5)
+    outcome = run(*BUILD, *options)
+    assert outcome.code == 0
+    assert "note: odometry is simulated from the ground truth" in outcome.out
+    assert not Path("out/figures").exists()
+    assert "EDGE_SE2_HEADINGS" in Path("out/map.g2o").read_text()
+    assert len(read_g2o("out/map.g2o").odometry) == 4
+    first = read_tum("out/odometry.tum").poses
+    assert run(*BUILD[:-1], "again", *options, "--seed", 3).code == 0
+    assert np.abs(read_tum("again/odometry.tum").poses - first).max() > 1e-4
+
+
+def test_wrong_input(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    refused(run("map", "build", "nowhere"), "nowhere")
+    assert run("map", "build").code == 2
+    assert run(*BUILD, "--images", "some").code == 2
+    assert run(*BUILD, "--seed", -1).code == 2
+    refused(run(*BUILD, "--max-images", 1), "expected 2 images with odometry, got 1")
+    monkeypatch.setitem(sys.modules, "scipy", None)
+    refused(run(*BUILD, "--max-images", 3), "pip install 'pflut[mapping]'")
