@@ -54,7 +54,11 @@ if TYPE_CHECKING:
     from pflut.mapping.constraint import PoseConstraint as PoseConstraint
     from pflut.mapping.constraint import extract_constraint as extract_constraint
     from pflut.mapping.links import Links as Links
+    from pflut.mapping.node_localizer import NodeLocalizer as NodeLocalizer
+    from pflut.mapping.node_model import NodeModel as NodeModel
+    from pflut.mapping.node_walk import NodeWalk as NodeWalk
     from pflut.mapping.pair_linker import LinkOptions as LinkOptions
+    from pflut.mapping.topological_map import TopologicalMap as TopologicalMap
     from pflut.posterior import GridPosterior as GridPosterior
     from pflut.posterior import pose_posterior as pose_posterior
     from pflut.reference_map import ReferenceMap as ReferenceMap
@@ -95,6 +99,9 @@ _NAMES = {
     "load_table": "likelihood.files",
     "Localizer": "localization.localizer",
     "Moved": "localization.resampling_policy",
+    "NodeLocalizer": "mapping.node_localizer",
+    "NodeModel": "mapping.node_model",
+    "NodeWalk": "mapping.node_walk",
     "Omnidirectional": "localization.motion",
     "ParticleFilter": "localization.particle_filter",
     "PoseConstraint": "mapping.constraint",
@@ -105,6 +112,7 @@ _NAMES = {
     "ReferenceProposal": "localization.proposals",
     "RelativePose": "relpose.result",
     "RelativePoseModel": "localization.relative_pose_model",
+    "TopologicalMap": "mapping.topological_map",
     "Trajectory": "trajectory",
     "UniformProposal": "localization.proposals",
     "UnscentedKalmanFilter": "localization.unscented_kalman_filter",
