@@ -53,6 +53,9 @@ if TYPE_CHECKING:
     from pflut.mapping.all_pairs import all_pairs as all_pairs
     from pflut.mapping.constraint import PoseConstraint as PoseConstraint
     from pflut.mapping.constraint import extract_constraint as extract_constraint
+    from pflut.mapping.link_evidence import LinkEvidence as LinkEvidence
+    from pflut.mapping.link_evidence import link_evidence as link_evidence
+    from pflut.mapping.link_model import LinkModel as LinkModel
     from pflut.mapping.links import Links as Links
     from pflut.mapping.node_localizer import NodeLocalizer as NodeLocalizer
     from pflut.mapping.node_model import NodeModel as NodeModel
@@ -97,6 +100,8 @@ _NAMES = {
     "LinkOptions": "mapping.pair_linker",
     "Links": "mapping.links",
     "load_table": "likelihood.files",
+    "LinkEvidence": "mapping.link_evidence",
+    "LinkModel": "mapping.link_model",
     "Localizer": "localization.localizer",
     "Moved": "localization.resampling_policy",
     "NodeLocalizer": "mapping.node_localizer",
@@ -124,6 +129,7 @@ _NAMES = {
     "estimate_relative_poses": "relpose.search",
     "extract_constraint": "mapping.constraint",
     "fit_temperature": "calibration",
+    "link_evidence": "mapping.link_evidence",
     "load_camera": "camera",
     "load_dataset": "datasets",
     "match": "features",

@@ -7,7 +7,8 @@ every other image, and checks them on homes 200 to 209, on simulated drives thro
 landmarks, and on real datasets. What is linked is said in `pflut.mapping.true_links`. Per set:
 
 evidence    the log-evidence of the matches, nothing learned
-model       the probability of the learned model, with the same table
+model       the probability of the learned model, with the same table; "own" is one learned from
+            other pairs of the same kind: drives in other homes, the first half of a drive on a road
 RANSAC      inliers of pflut's 2-point and 3-point RANSAC, with four noises, and for cameras that
             look ahead of OpenCV's essential matrix (MAGSAC), with four thresholds; the best of them
             is chosen on the very pairs that it is compared on
@@ -22,7 +23,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
 from pathlib import Path
@@ -40,7 +41,7 @@ from pflut.features import FeatureCache, Features
 from pflut.geometry import bearing_vectors, wrap_to_pi
 from pflut.mapping.link_evidence import LinkEvidence, link_evidence
 from pflut.mapping.link_model import LinkModel
-from pflut.mapping.true_links import INDOORS, dataset_links, true_links
+from pflut.mapping.true_links import INDOORS, ON_ROADS, dataset_links, true_links
 from pflut.plot import plot_precision_recall, plot_reliability, save_figure
 from pflut.reliability import (
     average_precision,
@@ -57,9 +58,12 @@ LEARNED, CHECKED = range(100, 112), range(200, 210)
 LANDMARK_DRIVES = {"landmarks": "global", "landmarks, 90 % mismatches": "mismatches"}
 #: Of the camera that looks ahead; of a car's, about KITTI's.
 AHEAD = float(np.radians(82.0))
+#: Of views as narrow as that, less is common to two.
+AHEAD_RULE = replace(INDOORS, min_overlap=ON_ROADS.min_overlap)
 #: The table of each model.
 TABLES = {"panorama": "panorama", "home": "home", "perspective": "panorama"}
 RESAMPLES = 1000
+FEWEST = 5  # pairs of a class that is drawn
 PIXELS = (0.5, 1.0, 2.0, 4.0)
 COLUMNS = ["set", "pairs", "linked", "score", "ap", "low", "high", "gain", "gain_low", "gain_high"]
 
@@ -77,6 +81,39 @@ class Measured:
     homes: np.ndarray
     evidence: Mapping[str, LinkEvidence]
     scores: Mapping[str, np.ndarray]
+    own: LinkModel | None = None
+
+    @property
+    def first(self) -> LinkEvidence:
+        """The evidence of the first table."""
+        return next(iter(self.evidence.values()))
+
+    def learned_from(self, other: Measured) -> Measured:
+        """Return the same with a model learned from other pairs."""
+        return replace(self, own=LinkModel.learn(other.first, other.linked))
+
+    def part(self, name: str, chosen: np.ndarray) -> Measured:
+        """Return some of the pairs."""
+        return Measured(
+            name,
+            self.linked[chosen],
+            self.ends[chosen],
+            self.homes[chosen],
+            {key: evidence[chosen] for key, evidence in self.evidence.items()},
+            {key: score[chosen] for key, score in self.scores.items()},
+        )
+
+    def probabilities(
+        self, models: Mapping[str, LinkModel], prior: float | None = None
+    ) -> dict[str, np.ndarray]:
+        """Give the probabilities of all models by name."""
+        found = {
+            f"model {name}": models[name].probability(evidence, prior=prior)
+            for name, evidence in self.evidence.items()
+        }
+        if self.own is not None:
+            found["model own"] = self.own.probability(self.first, prior=prior)
+        return found
 
     @classmethod
     def pooled(cls, name: str, parts: Sequence[Measured]) -> Measured:
@@ -186,37 +223,28 @@ def ahead_in(dataset: Dataset, every: int, rivals: bool) -> Measured:
     """Measure the same of a camera that looks ahead."""
     features = {i: looking_ahead(some) for i, some in features_of(dataset, every).items()}
     ends = np.array(list(combinations(features, 2)))
-    truth = partial(true_links, rule=INDOORS, field_of_view=AHEAD)
-    linked = truth(dataset.ground_truth, ends, dataset.floor_plan)
+    linked = true_links(
+        dataset.ground_truth, ends, dataset.floor_plan, rule=AHEAD_RULE, field_of_view=AHEAD
+    )
     return measure(
         dataset.name, matched(features, ends), linked, ends, ["perspective"], None, rivals
     )
 
 
-def of_landmarks(name: str, scenario: str, seeds: Sequence[int], every: int) -> Measured:
+def of_landmarks(
+    name: str, scenario: str, seeds: Sequence[int], every: int, rivals: bool
+) -> Measured:
     """Measure the pairs of a reference and an image of simulated drives, a home each."""
     parts = []
     for seed in tqdm(seeds, desc=name, unit="drive", disable=None):
         drive = simulate_drive(scenario, seed, home_seed=seed)
-        references, pairs, ends = drive.references, [], []
-        number = len(references)
-        for i in range(0, len(drive), every):
-            image = drive.view(i)
-            counts, landmarks = drive.matches(i)
-            for k, some in enumerate(np.split(landmarks, np.cumsum(counts)[:-1])):
-                left, right = some.T
-                ends.append((k, number + i))
-                pairs.append(
-                    Correspondences(
-                        references.azimuth[k, left],
-                        references.elevation[k, left],
-                        image.azimuth[0, right],
-                        image.elevation[0, right],
-                    )
-                )
-        poses = np.concatenate([references.poses, drive.ground_truth])
+        references = len(drive.reference_poses)
+        images = range(0, len(drive), every)
+        pairs = [pair for i in images for pair in drive.correspondences(i)]
+        ends = np.array([(k, references + i) for i in images for k in range(references)])
+        poses = np.concatenate([drive.reference_poses, drive.ground_truth])
         linked = true_links(poses, ends, drive.home.walls)
-        parts.append(measure(name, pairs, linked, np.array(ends), ["panorama"]))
+        parts.append(measure(name, pairs, linked, ends, ["panorama"], rivals=rivals))
     return Measured.pooled(name, parts)
 
 
@@ -241,7 +269,7 @@ def learn(name: str, parts: Sequence[Measured], path: Path) -> LinkModel:
             "source": "rendered homes",
             "homes": [part.name.split()[-1] for part in parts],
             "table": TABLES[name],
-            "rule": vars(INDOORS),
+            "rule": vars(AHEAD_RULE if name == "perspective" else INDOORS),
         },
     )
     model.save(path)
@@ -253,10 +281,7 @@ def judge(measured: Measured, models: Mapping[str, LinkModel]) -> Iterator[list[
     """Give the rows of the CSV: average precisions, and what they are above the best RANSAC."""
     linked, draws = measured.linked, measured.draws()
     scores = all_scores(measured, models)
-    rival = max(
-        (name for name in scores if name.startswith("RANSAC")),
-        key=lambda name: average_precision(linked, scores[name]),
-    )
+    rival = best_ransac(measured)
     resampled = {}
     for name, score in scores.items():
         if name.startswith("RANSAC") and name != rival:
@@ -283,26 +308,33 @@ def judge(measured: Measured, models: Mapping[str, LinkModel]) -> Iterator[list[
 
 def all_scores(measured: Measured, models: Mapping[str, LinkModel]) -> dict[str, np.ndarray]:
     """Give all scores of a set by name."""
-    scores = {}
-    for name, evidence in measured.evidence.items():
-        scores[f"evidence, {TABLES[name]} table"] = evidence.log_evidence
-        scores[f"model {name}"] = models[name].probability(evidence)
-    return scores | dict(measured.scores)
+    evidence = {
+        f"evidence, {TABLES[name]} table": evidence.log_evidence
+        for name, evidence in measured.evidence.items()
+    }
+    return evidence | measured.probabilities(models) | dict(measured.scores)
+
+
+def best_ransac(measured: Measured) -> str:
+    """Give the name of the RANSAC that is best on these very pairs."""
+    return max(
+        (name for name in measured.scores if name.startswith("RANSAC")),
+        key=lambda name: average_precision(measured.linked, measured.scores[name]),
+    )
 
 
 def calibrated(measured: Measured, models: Mapping[str, LinkModel]) -> None:
     """Print the calibration errors of a set."""
     linked, draws = measured.linked, measured.draws()
-    for name, evidence in measured.evidence.items():
-        for prior in (None, float(linked.mean())):
-            given = models[name].probability(evidence, prior=prior)
+    for prior in (None, float(linked.mean())):
+        for name, given in measured.probabilities(models, prior).items():
             error: Callable[..., float] = partial(expected_calibration_error, given, linked)
             low, high = np.nanquantile([error(weights=w) for w in draws], (0.025, 0.975))
-            shares = np.quantile(given, np.linspace(0.0, 1.0, 11))
-            even = error(edges=[0.0, *np.unique(shares[1:-1]), 1.0])
-            asked = f"prior {models[name].prior:.2f}" if prior is None else "the set's own share"
-            print(f"{measured.name:28}model {name:12}{asked:20}", end="")
-            print(f"ECE {error():.3f} ({low:.3f} to {high:.3f}), classes of equal size {even:.3f}")
+            inner = np.unique(np.quantile(given, np.linspace(0.1, 0.9, 9)))
+            asked = "prior as learned" if prior is None else "its own share"
+            print(f"{measured.name:28}{name:20}{asked:18}ECE {error():.3f}", end="")
+            print(f" ({low:.3f} to {high:.3f}), ", end="")
+            print(f"classes of equal size {error(edges=[0.0, *inner, 1.0]):.3f}")
 
 
 def main() -> None:
@@ -331,18 +363,23 @@ def main() -> None:
     )
     sets = [homes, ahead]
     for name, scenario in LANDMARK_DRIVES.items():
-        sets.append(of_landmarks(name, scenario, CHECKED[few][:4], 6 if arguments.quick else 3))
+        rare = 6 if arguments.quick else 3
+        checked, others = (
+            of_landmarks(name, scenario, seeds[few][:4], rare, rivals=seeds is CHECKED)
+            for seeds in (CHECKED, LEARNED)
+        )
+        sets.append(checked.learned_from(others))
     for path in arguments.real:
         dataset = load_dataset(path)
-        is_ahead = isinstance(dataset.camera, Perspective)
-        sets.append(
-            of_dataset(
-                dataset,
-                (4 if arguments.quick else 2) if is_ahead else 1,
-                ["perspective"] if is_ahead else both,
-                rivals=True,
-            )
+        if not isinstance(dataset.camera, Perspective):
+            sets.append(of_dataset(dataset, 1, both, rivals=True))
+            continue
+        road = of_dataset(dataset, 6 if arguments.quick else 3, ["perspective"], rivals=True)
+        late = road.ends >= len(dataset) // 2
+        first, second = (
+            road.part(f"{road.name}, 2nd half", half.all(axis=1)) for half in (~late, late)
         )
+        sets += [road, second.learned_from(first)]
     rows = [
         row for some in tqdm(sets, desc="bootstrap", disable=None) for row in judge(some, models)
     ]
@@ -375,17 +412,14 @@ def draw(
     """Draw the reliability of the models, and precision over recall in rendered homes."""
     curves = {}
     for some in sets:
-        name = next(iter(some.evidence))
-        given = models[name].probability(some.evidence[name], prior=float(some.linked.mean()))
+        found = some.probabilities(models)
+        name, given = next(iter(found.items())) if some.own is None else found.popitem()
         groups = some.homes if some.homes.max() else None
-        curves[some.name] = reliability_curve(given, some.linked, groups=groups)
+        curve = reliability_curve(given, some.linked, groups=groups)
+        curves[f"{some.name}: {name}"] = [part for part in curve if part.count >= FEWEST]
     save_figure(plot_reliability(curves, what="pairs that are linked"), output / "reliability.png")
     scores = all_scores(homes, models)
-    rival = max(
-        (name for name in scores if name.startswith("RANSAC")),
-        key=lambda name: average_precision(homes.linked, scores[name]),
-    )
-    shown = ["model home", "evidence, home table", rival, "matches"]
+    shown = ["model home", "evidence, home table", best_ransac(homes), "matches"]
     save_figure(
         plot_precision_recall(
             {name: precision_recall(homes.linked, scores[name]) for name in shown},

@@ -251,6 +251,7 @@ def test_relpose_finds_the_true_pose(run: Run, room_folder: Path) -> None:
         true = rows["truth"][rows["truth"].index(name) + 1].strip(",;")
         difference = float(rows[name][1]) - float(true)
         assert abs((difference + 180.0) % 360.0 - 180.0) < 3.0
+    assert float(rows["link"][rows["link"].index("probable,") - 1]) > 0.5
     assert Path("pair.png").is_file() and Path("pair-posterior.png").is_file()
 
 

@@ -101,6 +101,11 @@ def test_an_observation_is_what_was_matched() -> None:
         pair = match.correspondences
         assert np.abs(wrap_to_pi(pair.azimuth_r - image.azimuth[0, right])).max() < 1e-12
         assert (pair.elevation_l == drive.references.elevation[match.index, left]).all()
+    everything = drive.correspondences(8)
+    assert [len(pair) for pair in everything] == counts.tolist()
+    for match in observation:
+        assert (everything[match.index].azimuth_l == match.correspondences.azimuth_l).all()
+        assert (everything[match.index].elevation_r == match.correspondences.elevation_r).all()
     # references that share nothing with the image have mismatches all the same
     shared = (drive.references.seen & image.seen[0]).sum(axis=1)
     assert (shared == 0).any() and counts[shared == 0].min() > 0

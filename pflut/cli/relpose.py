@@ -112,6 +112,8 @@ def run(arguments: argparse.Namespace) -> None:
     from pflut.features import FeatureExtractor, match_indices, read_image
     from pflut.geometry import relative_headings, rotation_from_headings, wrap_to_pi
     from pflut.likelihood.table import LikelihoodTable
+    from pflut.mapping.link_evidence import link_evidence
+    from pflut.mapping.link_model import LinkModel, link_model_name
     from pflut.pairs import agreeing
     from pflut.relpose.estimate import DEFAULT_NOISE, estimate_relative_pose
     from pflut.replay.tables import choose_table
@@ -180,6 +182,12 @@ def run(arguments: argparse.Namespace) -> None:
             + f" deg, {distance:.2f} m apart"
         )
     print(f"evidence    {pose.log_evidence:.1f} nat that the images show one scene")
+    known = link_model_name(arguments.table, camera)
+    if known is not None and isinstance(table, LikelihoodTable):
+        model = LinkModel.default(known)
+        (probability,) = model.probability(link_evidence([matches], table, poses=[pose]))
+        sure = "> 0.999" if probability > 0.999 else f"{probability:.3f}"
+        print(f"link        {sure} probable, where {model.prior:.2f} of all pairs are linked")
     print(f"success     {'yes' if pose.success else 'no: the matches do not determine a pose'}")
     if arguments.compare:
         _compare(matches, table, noise)
@@ -202,12 +210,12 @@ def run(arguments: argparse.Namespace) -> None:
             arguments.figure,
         )
         second = arguments.figure.with_stem(f"{arguments.figure.stem}-posterior")
-        known = truth is not None and bool(np.isfinite(truth).all())
+        told = truth is not None and bool(np.isfinite(truth).all())
         save_figure(
             plot_posterior(
                 pose_posterior(matches, table).log_prob,
                 mode=(pose.heading_l, pose.heading_r),
-                truth=truth[:2] if truth is not None and known else None,
+                truth=truth[:2] if truth is not None and told else None,
                 title=title,
             ),
             second,

@@ -140,4 +140,4 @@ def _sectors(azimuth: FloatArray, owner: NDArray[np.intp], number: int) -> NDArr
     sector = np.floor(azimuth * (DIRECTIONS / TWO_PI)).astype(np.int64) % DIRECTIONS
     met = np.zeros((number, DIRECTIONS), np.bool_)
     met[owner, sector] = True
-    return met.sum(axis=1)
+    return np.asarray(met.sum(axis=1))

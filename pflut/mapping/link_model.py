@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pflut._files import checksum, read_json, write_json
+from pflut.camera.base import Camera
 from pflut.geometry import FloatArray
 from pflut.mapping.link_evidence import DIRECTIONS, LinkEvidence
 
@@ -204,8 +205,9 @@ class LinkModel:
         ----------
         name : {"panorama", "home", "perspective"}
             "panorama" judges evidence of the default table, "home" that of the table for homes,
-            both of panoramas; "perspective" that of the default table and of cameras that look
-            ahead.
+            both of panoramas; "perspective" that of the default table, of cameras in rooms that see
+            some 80 degrees ahead. On a road, where views reach farther than in rooms, that one is
+            far too sure: `learn` another.
 
         Returns
         -------
@@ -276,6 +278,24 @@ class LinkModel:
             "prior": self.prior,
             "learned_from": self.learned_from,
         }
+
+
+def link_model_name(table: str, camera: Camera) -> Name | None:
+    """Say which model judges evidence of a table and a camera, if one does.
+
+    Parameters
+    ----------
+    table : str
+        Its name: "default" and "home" are judged.
+    camera : Camera
+        One that looks all around: where others look, in rooms or along a road, it does not tell.
+
+    Returns
+    -------
+    {"panorama", "home"} or None
+    """
+    known: dict[str, Name] = {"default": "panorama", "home": "home"}
+    return known.get(table) if camera.horizontally_periodic else None
 
 
 def _newton(features: FloatArray, yes: Any, times: FloatArray, start: float) -> FloatArray:

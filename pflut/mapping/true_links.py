@@ -56,8 +56,8 @@ class LinkRule:
 
 INDOORS = LinkRule()
 """Of cameras in rooms: within 3 m, the half of the view in common."""
-ON_ROADS = LinkRule(max_distance=15.0, view_distance=40.0)
-"""Of cameras that look ahead on a road: within 15 m."""
+ON_ROADS = LinkRule(max_distance=15.0, view_distance=40.0, min_overlap=0.3)
+"""Of cameras that look ahead on a road: within 15 m while they look the same way."""
 
 
 def true_links(

@@ -41,7 +41,7 @@ def plot_reliability(
     """
     if not curves or not all(curves.values()):
         raise ValueError("curves: expected at least one, each with events")
-    figure = new_figure(5.6, 6.8)
+    figure = new_figure(5.6, 8.0)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     upper.plot([0, 100], [0, 100], color=GREY, linewidth=0.8)
     for color, (name, curve) in zip(CYCLE * len(curves), curves.items(), strict=False):
@@ -57,7 +57,8 @@ def plot_reliability(
     lower.set(yscale="log", xlabel="probability [%]", ylabel="how many")
     for axes in (upper, lower):
         tidy(axes)
-    upper.legend(frameon=False, fontsize=9, loc="upper left")
+    handles = upper.get_legend_handles_labels()
+    figure.legend(*handles, loc="outside lower center", frameon=False, fontsize=9)
     if title:
         upper.set_title(title)
     return figure

@@ -174,17 +174,44 @@ class LandmarkDrive:
         counts, pairs = self.matcher.match(self.references, image, rng=self._rng(i, 1))
         most = np.argsort(-counts, kind="stable")[:SHORT_LIST]
         ends = np.cumsum(counts)
-        found = []
-        for index in np.sort(most[counts[most] > 0]).tolist():
-            left, right = pairs[ends[index] - counts[index] : ends[index]].T
-            correspondences = Correspondences(
-                self.references.azimuth[index, left],
-                self.references.elevation[index, left],
-                image.azimuth[0, right],
-                image.elevation[0, right],
+        return [
+            ReferenceMatch(
+                index, self._seen(image, index, pairs[ends[index] - counts[index] : ends[index]])
             )
-            found.append(ReferenceMatch(index, correspondences))
-        return found
+            for index in np.sort(most[counts[most] > 0]).tolist()
+        ]
+
+    def correspondences(self, i: int) -> list[Correspondences]:
+        """Match an image with every reference.
+
+        Parameters
+        ----------
+        i : int
+
+        Returns
+        -------
+        list of m Correspondences
+            L is the reference, R the image; some may be empty. The same at every call.
+
+        Raises
+        ------
+        ValueError
+            If there is no such image.
+        """
+        image = self.view(i)
+        counts, pairs = self.matcher.match(self.references, image, rng=self._rng(i, 1))
+        parts = np.split(pairs, np.cumsum(counts)[:-1])
+        return [self._seen(image, index, part) for index, part in enumerate(parts)]
+
+    def _seen(self, image: LandmarkImages, index: int, pairs: NDArray[np.int64]) -> Correspondences:
+        """Give the bearings of matched landmarks in a reference and in an image."""
+        left, right = pairs.T
+        return Correspondences(
+            self.references.azimuth[index, left],
+            self.references.elevation[index, left],
+            image.azimuth[0, right],
+            image.elevation[0, right],
+        )
 
     def _rng(self, i: int, purpose: int) -> np.random.Generator:
         """Give an image's own random numbers."""

@@ -1,0 +1,101 @@
+"""What matches say for a link: against the estimates, and counted by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pflut.correspondences import Correspondences
+from pflut.geometry import TWO_PI
+from pflut.likelihood.table import LikelihoodTable
+from pflut.mapping.link_evidence import DIRECTIONS, LinkEvidence, link_evidence
+from pflut.pairs import agreeing
+from pflut.posterior import pose_posterior
+from pflut.relpose.estimate import estimate_relative_pose
+from pflut.relpose.search import estimate_relative_poses
+from pflut.simulation.correspondences import CorrespondenceSimulator
+
+TABLE = LikelihoodTable.default()
+
+
+def simulated(number: int, count: int, mismatch: float, seed: int) -> list[Correspondences]:
+    _, bearings = CorrespondenceSimulator(mismatch=mismatch).sample(number, count, seed)
+    return [Correspondences(*views.T) for views in bearings]
+
+
+def test_evidence_is_that_of_the_estimates() -> None:
+    pairs = [*simulated(5, 40, 0.5, 0), *simulated(5, 20, 0.9, 1), Correspondences.empty()]
+    poses = estimate_relative_poses(pairs, TABLE)
+    evidence = link_evidence(pairs, TABLE)
+    assert evidence.log_evidence.tolist() == [pose.log_evidence for pose in poses]
+    assert evidence.num_matches.tolist() == [40] * 5 + [20] * 5 + [0]
+    for pair, pose, directions in zip(pairs, poses, evidence.num_directions, strict=True):
+        chosen = agreeing(pair, pose, noise=TABLE.noise)
+        sectors = [
+            {int(angle // (TWO_PI / DIRECTIONS)) for angle in azimuth[chosen]}
+            for azimuth in (pair.azimuth_l, pair.azimuth_r)
+        ]
+        assert directions == min(map(len, sectors))
+    given = link_evidence(pairs, TABLE, poses=poses)
+    assert (given.num_directions == evidence.num_directions).all()
+
+
+def test_evidence_of_a_pair_does_not_depend_on_the_others() -> None:
+    pairs = simulated(6, 30, 0.7, 2)
+    together, threads = link_evidence(pairs, TABLE), link_evidence(pairs, TABLE, num_threads=2)
+    for k, pair in enumerate(pairs):
+        for found in (link_evidence([pair], TABLE), threads[k : k + 1]):
+            assert vars(found) == vars(together[k : k + 1])
+    assert len(link_evidence([], TABLE)) == 0
+
+
+def test_a_posterior_has_the_same_evidence() -> None:
+    pairs = simulated(4, 30, 0.6, 3)
+    poses = [
+        estimate_relative_pose(pair, TABLE, posterior=pose_posterior(pair, TABLE, bins=128))
+        for pair in pairs
+    ]
+    by_grid, searched = link_evidence(pairs, TABLE, poses=poses), link_evidence(pairs, TABLE)
+    # grids of 80 and of 128 bins, whose ridges are as wide as their cells: to a fifth
+    assert by_grid.log_evidence == pytest.approx(searched.log_evidence, rel=0.2, abs=0.5)
+    assert (by_grid.num_directions == searched.num_directions).all()
+
+
+def test_agreeing_matches_of_one_window_are_one_direction() -> None:
+    # all landmarks stand far away in a window of 10 degrees, seen without noise by a turned view
+    rng = np.random.default_rng(4)
+    azimuth = np.radians(5.0 + 10.0 * rng.random(40))
+    elevation = np.radians(rng.uniform(-20.0, 20.0, 40))
+    window = Correspondences(azimuth, elevation, azimuth + 1.0, elevation)
+    around = Correspondences(
+        *(TWO_PI / 40 * np.arange(40), elevation), TWO_PI / 40 * np.arange(40) + 1.0, elevation
+    )
+    found = link_evidence([window, around], TABLE)
+    assert (found.log_evidence > 20.0).all()
+    assert found.num_directions[0] == 1
+    assert found.num_directions[1] == DIRECTIONS
+
+
+def test_true_matches_have_evidence_and_chance_has_none() -> None:
+    true, false = simulated(200, 30, 0.5, 5), simulated(200, 30, 1.0, 6)
+    linked, not_linked = (link_evidence(pairs, TABLE).log_evidence for pairs in (true, false))
+    # of mismatches a likelihood ratio has the mean one: exceeding log(k) is rarer than 1 / k
+    assert (not_linked > np.log(100.0)).mean() < 0.01 + 5.0 * np.sqrt(0.01 * 0.99 / 200)
+    assert (linked > np.log(100.0)).mean() > 0.95
+
+
+def test_evidence_is_checked() -> None:
+    one = LinkEvidence([3.0], [10], [4])
+    both = LinkEvidence.together([one, LinkEvidence([-1.0, 2.0], [5, 6], [1, 2])])
+    assert both.num_matches.tolist() == [10, 5, 6] and len(both[1:]) == 2
+    with pytest.raises(ValueError, match=r"num_matches: expected shape \(1,\), got \(2,\)"):
+        LinkEvidence([3.0], [10, 11], [4])
+    with pytest.raises(ValueError, match="log_evidence: expected finite numbers"):
+        LinkEvidence([np.nan], [10], [4])
+    with pytest.raises(ValueError, match="num_directions: expected counts, got -4"):
+        LinkEvidence([3.0], [10], [-4])
+    pair = simulated(1, 10, 0.5, 7)
+    with pytest.raises(ValueError, match="poses: expected 1, one a pair, got 0"):
+        link_evidence(pair, TABLE, poses=[])
+    with pytest.raises(ValueError, match="noise"):
+        link_evidence(pair, TABLE, noise=0.0)
