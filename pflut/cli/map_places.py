@@ -113,12 +113,12 @@ def run(arguments: argparse.Namespace) -> None:
             rng=arguments.seed,
         )
         made.save(folder / "topological_map.graphml")
-        positions, note = _positions(made, dataset)
+        positions, over, note = _positions(made, dataset)
     except ImportError as error:
         raise ValueError(str(error)) from None
     write_json(folder / "places.json", _content(made, len(links)))
     if not arguments.no_figures:
-        _draw(folder, made, positions, dataset, name, note)
+        _draw(folder, made, positions, over, name, note)
     record = run_record(
         command_line(), dataset=name, images=list(names), arguments=as_json(arguments)
     )
@@ -191,18 +191,22 @@ def _only(dataset: Dataset, names: tuple[str, ...]) -> Dataset:
     )
 
 
-def _positions(made: TopologicalMap, dataset: Dataset | None) -> tuple[FloatArray, str | None]:
-    """Say where to draw the images, and a note where that is not where they were taken."""
+def _positions(
+    made: TopologicalMap, dataset: Dataset | None
+) -> tuple[FloatArray, Dataset | None, str | None]:
+    """Say where to draw the images and over what, and a note if not where they were taken."""
+    from dataclasses import replace
+
     import numpy as np
 
     if dataset is not None:
-        for poses, note in (
-            (dataset.ground_truth, None),
-            (dataset.odometry, "drawn where odometry says"),
-        ):
-            if poses is not None and np.isfinite(poses).all(axis=1).mean() > 0.5:
-                return poses, note
-    return made.layout(), "no poses are known: linked images are drawn near each other"
+        truth, odometry = dataset.ground_truth, dataset.odometry
+        if truth is not None and np.isfinite(truth).all(axis=1).any():
+            return truth, dataset, None
+        if odometry is not None and np.isfinite(odometry).all(axis=1).any():
+            over = replace(dataset, ground_truth=odometry, floor_plan=None)
+            return odometry, over, "no true poses are known: drawn where odometry says"
+    return made.layout(), None, "no poses are known: linked images are drawn near each other"
 
 
 def _content(made: TopologicalMap, pairs: int) -> dict[str, Any]:
@@ -233,20 +237,19 @@ def _draw(
     folder: Path,
     made: TopologicalMap,
     positions: FloatArray,
-    dataset: Dataset | None,
+    over: Dataset | None,
     name: str,
     note: str | None,
 ) -> None:
     """Write the figure."""
     from pflut.plot import plot_places, save_figure
 
-    known = dataset is not None and positions is dataset.ground_truth
     figure = plot_places(
         positions,
         made.places,
         made.edges,
         made.probability,
-        dataset if known else None,
+        over,
         title=f"{name}: {len(made)} images, {len(made.edges)} links, {made.num_places} places",
         note=note,
     )

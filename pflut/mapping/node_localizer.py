@@ -106,7 +106,8 @@ class NodeLocalizer:
     @property
     def place_probabilities(self) -> FloatArray:
         """Of the places, shape (P,); they sum to one."""
-        return np.bincount(self.topological_map.places, self._weights.linear)
+        shares = np.bincount(self.topological_map.places, weights=self._weights.linear)
+        return np.asarray(shares, dtype=np.float64)
 
     def initialize(self, probabilities: ArrayLike | None = None) -> None:
         """Start again.

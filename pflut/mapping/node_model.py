@@ -54,7 +54,9 @@ class NodeMatches:
             raise ValueError("nodes: expected each once")
 
 
-NO_NODES = NodeMatches(np.empty(0, np.int64), LinkEvidence([], [], []))
+NO_NODES = NodeMatches(
+    np.empty(0, np.int64), LinkEvidence(np.empty(0), np.empty(0, np.int64), np.empty(0, np.int64))
+)
 
 
 class NodeModel:
@@ -255,4 +257,4 @@ class NodeModel:
         evidence = np.zeros(len(self.features))
         evidence[matches.nodes] = self.temperature * matches.evidence.log_evidence
         linked = np.log(self.link_probability) + evidence
-        return np.logaddexp(linked, np.log1p(-self.link_probability))
+        return np.asarray(np.logaddexp(linked, np.log1p(-self.link_probability)))

@@ -192,8 +192,8 @@ class TopologicalMap:
         ndarray of shape (k,), int
         """
         rows = np.flatnonzero((self.edges == self._checked(image)).any(axis=1))
-        others = self.edges[rows].sum(axis=1) - image
-        return others[np.argsort(-self.probability[rows], kind="stable")]
+        others: NDArray[np.int64] = self.edges[rows].sum(axis=1) - image
+        return np.asarray(others[np.argsort(-self.probability[rows], kind="stable")])
 
     def heading(self, image: int, neighbour: int) -> float:
         """Say in which direction a neighbour of an image was taken.

@@ -74,7 +74,8 @@ def plot_places(
     named = np.flatnonzero(count > 1)[:NAMED]
     for place in named:
         axes.scatter(
-            *points[of == place].T,
+            points[of == place, 0],
+            points[of == place, 1],
             s=42,
             color=colors(int(place)),
             edgecolors="white",
@@ -84,7 +85,8 @@ def plot_places(
     small = ~np.isin(of, named)
     if small.any():
         label = f"images of {len(np.unique(of[small]))} smaller places"
-        axes.scatter(*points[small].T, s=26, color=GREY, edgecolors="white", zorder=3, label=label)
+        x, y = points[small].T
+        axes.scatter(x, y, s=26, color=GREY, edgecolors="white", zorder=3, label=label)
     if title or note:
         axes.set_title("\n".join(text for text in (title, note) if text))
     legend_outside(figure)
