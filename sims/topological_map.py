@@ -13,6 +13,7 @@ most probable link   of the same, by the link model
 most evidence        of the same
 filter               the most probable node, with odometry
 filter, no odometry  the same, which knows no distances
+place                the most probable place is that of the nearest node in the room
 
 Prints the shares with 95 % intervals by bootstrap over homes. Links are kept in the output folder,
 and used again. Writes a CSV of all images and a figure of the first home.
@@ -115,23 +116,16 @@ def measure(seed: int, arguments: argparse.Namespace) -> tuple[list[list], dict[
     chosen = found[:, : len(WAYS)].astype(np.intp)
     distance = np.hypot(*(nodes[chosen, :2] - images[:, None, :2]).T).T
     right = (distance <= NEAR) & (rooms[chosen] == seen_rooms[:, None])
-    # the room of a place is that of most of its images
-    room_of = np.array(
-        [np.bincount(rooms[made.members(place)]).argmax() for place in range(made.num_places)]
-    )
-    in_room = room_of[found[:, len(WAYS)].astype(np.intp)] == seen_rooms
-    about["possible"] = float(
-        np.mean(
-            [
-                ((np.hypot(*(nodes - image)[:, :2].T) <= NEAR) & (rooms == room)).any()
-                for image, room in zip(images, seen_rooms, strict=True)
-            ]
-        )
-    )
+    # the node that the image should be at: the nearest one in its room
+    away = np.hypot(*(images[:, None, :2] - nodes[:, :2]).transpose(2, 0, 1))
+    away[rooms != seen_rooms[:, None]] = np.inf
+    nearest = away.argmin(axis=1)
+    in_place = found[:, len(WAYS)] == made.places[nearest]
+    about["possible"] = float((away.min(axis=1) <= NEAR).mean())
     rows = [
         [seed, number, *map(int, ways), int(place), *values]
         for number, (ways, place, values) in enumerate(
-            zip(right, in_room, found[:, len(WAYS) + 1 :].tolist(), strict=True)
+            zip(right, in_place, found[:, len(WAYS) + 1 :].tolist(), strict=True)
         )
     ]
     return rows, about
@@ -170,20 +164,23 @@ def main() -> None:
             f"{share:>14.3f}   (possible {about['possible']:.3f})",
             flush=True,
         )
-    columns = ["home", "image", *WAYS, "place's room", "probability", "place_probability"]
+    columns = ["home", "image", *WAYS, "place", "probability", "place_probability"]
     write_csv(arguments.output / "topological_map.csv", columns, rows)
     low, middle, high = np.quantile(agreements, [0.0, 0.5, 1.0])
     print(f"\nplaces and rooms, adjusted Rand index: median {middle:.3f}, {low:.3f} to {high:.3f}")
-    print(f"\nof {len(rows)} images the right node, or room of the most probable place")
+    print(f"\nof {len(rows)} images the right node; last, the place of the nearest node")
     values = np.array(rows, dtype=np.float64)
-    for name in columns[2:9]:
-        shown = with_interval(values[:, columns.index(name)], values[:, 0])
-        print(f"{name:<22}{shown}")
-    sure = values[:, columns.index("place_probability")] > 0.9
-    wrong = sure & (values[:, columns.index("place's room")] == 0)
-    print(
-        f"place probability above 0.9: {sure.sum()} images, {wrong.sum()} of them in another room"
-    )
+    column = dict(zip(columns, values.T, strict=True))
+    for name in (*WAYS, "place"):
+        print(f"{name:<22}{with_interval(column[name], column['home'])}")
+    print("the filter's share minus that of")
+    for name in WAYS[:4]:
+        gain = with_interval(column["filter"] - column[name], column["home"])
+        print(f"{name:<22}{gain}")
+    for name, right in (("probability", "filter"), ("place_probability", "place")):
+        sure = column[name] > 0.9
+        wrong = (sure & (column[right] == 0)).sum()
+        print(f"{name} above 0.9: {sure.sum()} images, {wrong} of them wrong")
 
 
 if __name__ == "__main__":
