@@ -13,6 +13,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 # because log(0) = -inf and isnan() must keep their meaning.
 FASTMATH = {"nsz", "arcp", "contract", "afn", "reassoc"}
 
+_kernels: list[Any] = []
+
 
 def jit(function: F, **more: Any) -> F:
     """Compile a kernel: cached on disk, GIL released, IEEE division, serial.
@@ -37,7 +39,22 @@ def jit(function: F, **more: Any) -> F:
         compiled: F = numba.njit(cache=True, **options)(function)
     except RuntimeError:  # no folder for the cache can be written: a read-only install
         compiled = numba.njit(**options)(function)
+    _kernels.append(compiled)
     return compiled
+
+
+def compiled_here() -> bool:
+    """Say whether this process has compiled a kernel, instead of reading it from the cache.
+
+    The last digits of what such a kernel computes may be others. It calls the copies of its callees
+    that were compiled by themselves; one that is read from the cache brings its own copies, which
+    were optimized together with it.
+
+    Returns
+    -------
+    bool
+    """
+    return any(sum(kernel.stats.cache_misses.values()) for kernel in _kernels)
 
 
 def inline(function: F) -> F:

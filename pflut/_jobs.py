@@ -26,7 +26,7 @@ _work: Callable[[Any], Any] | None = None
 
 
 def in_processes(
-    work: Callable[[Item], Result], items: Sequence[Item], *, jobs: int
+    work: Callable[[Item], Result], items: Sequence[Item], *, jobs: int, elsewhere: bool = False
 ) -> Generator[Result, None, None]:
     """Do some work on many items.
 
@@ -38,6 +38,8 @@ def in_processes(
     items : sequence
     jobs : int
         Processes; 1 works in this one.
+    elsewhere : bool
+        Whether a single process is to be another one, too.
 
     Yields
     ------
@@ -49,13 +51,13 @@ def in_processes(
     OSError
         If a process is ended from outside, as by want of memory.
     """
-    if jobs == 1 or len(items) <= 1:
+    if not elsewhere and (jobs == 1 or len(items) <= 1):
         yield from map(work, items)
         return
     others = set(multiprocessing.active_children())
     with single_threaded():
         pool = ProcessPoolExecutor(
-            min(jobs, len(items)),
+            max(1, min(jobs, len(items))),
             # spawned, not forked: threads of BLAS and OpenCV do not survive a fork
             multiprocessing.get_context("spawn"),
             _start_worker,

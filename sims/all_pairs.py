@@ -1,11 +1,11 @@
 """Link all pairs of the images of rendered homes: how fast, killed half-way, and on a cluster.
 
-    python sims/all_pairs.py [--quick] [--local-cluster | --scheduler ADDRESS] [--output DIR]
+    python sims/all_pairs.py [--quick] [--runs NAME ...] [--scheduler ADDRESS] [--output DIR]
 
 Takes the images of several rendered homes as those of one drive, which makes 10^5 pairs, most of
 them of places that have nothing in common. Links them (1) without interruption; (2) again, killed
-by kill -9 when half of the batches are done, and gone on with; (3) with --local-cluster or
---scheduler on dask workers. Compares the files byte by byte.
+by kill -9 when half of the batches are done, and gone on with; (3) on
+dask workers, of this machine unless --scheduler names others. Compares the files byte by byte.
 
 To expect: the same file each time; some milliseconds of one core a pair, most of them for the
 matching of some 900 with 900 features.
@@ -135,8 +135,14 @@ def main() -> None:
     parser.add_argument("--bins", type=int, default=COMMON_BINS, help="(default: %(default)s)")
     parser.add_argument("--jobs", type=int, default=available_cores(), help="processes")
     parser.add_argument("--quick", action="store_true", help="120 images")
-    parser.add_argument("--local-cluster", action="store_true", help="of --jobs processes")
-    parser.add_argument("--scheduler", help="of a dask cluster")
+    parser.add_argument(
+        "--runs",
+        nargs="+",
+        choices=("uninterrupted", "killed", "cluster"),
+        default=["uninterrupted", "killed", "cluster"],
+        help="the files of former runs are compared, too",
+    )
+    parser.add_argument("--scheduler", help="of a dask cluster (default: a local one)")
     parser.add_argument("--only", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("--output", type=Path, default=Path("results/all_pairs"))
     arguments = parser.parse_args()
@@ -147,31 +153,30 @@ def main() -> None:
         return
     output: Path = arguments.output
     output.mkdir(parents=True, exist_ok=True)
-    links = timed(arguments, output / "uninterrupted")
-    runs = ["uninterrupted", "killed"]
-    kept = killed_half_way(arguments, output / "killed")
-    print(f"killed        {kept:>9} pairs are kept")
-    start = time.perf_counter()
-    link(arguments, output / "killed")
-    print(f"gone on with  {len(links) - kept:>9} pairs {time.perf_counter() - start:>8.1f} s")
-    if arguments.scheduler:
-        timed(arguments, output / "cluster", scheduler=arguments.scheduler)
-        runs.append("cluster")
-    elif arguments.local_cluster:
-        import distributed
+    if "uninterrupted" in arguments.runs:
+        print_proposals(arguments, timed(arguments, output / "uninterrupted"))
+    if "killed" in arguments.runs:
+        kept = killed_half_way(arguments, output / "killed")
+        print(f"killed        {kept:>9} pairs are kept")
+        start = time.perf_counter()
+        rest = len(link(arguments, output / "killed")) - kept
+        print(f"gone on with  {rest:>9} pairs {time.perf_counter() - start:>8.1f} s")
+    if "cluster" in arguments.runs:
+        if arguments.scheduler:
+            timed(arguments, output / "cluster", scheduler=arguments.scheduler)
+        else:
+            import distributed
 
-        with distributed.LocalCluster(
-            n_workers=arguments.jobs, threads_per_worker=1, dashboard_address=None
-        ) as cluster:
-            timed(arguments, output / "cluster", scheduler=cluster.scheduler_address)
-        runs.append("cluster")
-    digests = {name: sha256((output / name / "links.npz").read_bytes()) for name in runs}
-    for name, digest in digests.items():
-        print(f"{name:14}{digest.hexdigest()}")
-    same = len({digest.digest() for digest in digests.values()}) == 1
-    print("all files are the same" if same else "the files DIFFER")
-    print_proposals(arguments, links)
-    raise SystemExit(not same)
+            with distributed.LocalCluster(
+                n_workers=arguments.jobs, threads_per_worker=1, dashboard_address=":0"
+            ) as cluster:
+                timed(arguments, output / "cluster", scheduler=cluster.scheduler_address)
+    files = sorted(output.glob("*/links.npz"))
+    digests = [sha256(path.read_bytes()).hexdigest() for path in files]
+    for path, digest in zip(files, digests, strict=True):
+        print(f"{path.parent.name:14}{digest}")
+    print("all files are the same" if len(set(digests)) == 1 else "the files DIFFER")
+    raise SystemExit(len(set(digests)) != 1)
 
 
 if __name__ == "__main__":

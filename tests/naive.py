@@ -2,8 +2,8 @@
 
 One part a part of the library: the vision kernels, the simulator, the paper's table, the residual
 table, the M-estimator, the sensor model, the simulated home, the homes of landmarks, the particle
-filter. Nothing here is fast, and nothing is taken from pflut but the names of a surface's columns
-and the edges of the residual table's cells.
+filter, mixtures of von Mises distributions. Nothing here is fast, and nothing is taken from pflut
+but the names of a surface's columns and the edges of the residual table's cells.
 """
 
 from __future__ import annotations
@@ -1162,3 +1162,103 @@ def claim(poses, center, radius, angle, number, owners, left):
         if owners[i] < 0 and near:
             owners[i], left[i] = number, 0.0
     return owners, left
+
+
+def sine_normalizer(k1, k2, coupling, terms=400):
+    """The series of Singh, Hnizdo and Demchuk 2002, equation (2.1); Bessel functions are SciPy's.
+
+    Less the exponent of the maximum, k1 + k2.
+    """
+    from scipy.special import gammaln, ive
+
+    total = 0.0
+    for m in range(terms):
+        log = gammaln(2 * m + 1) - 2 * gammaln(m + 1)
+        log += m * math.log(coupling * coupling / (4 * k1 * k2))
+        total += math.exp(log) * ive(m, k1) * ive(m, k2)
+    return math.log(4 * math.pi**2 * total)
+
+
+def sine_log_density(headings, mean, concentrations, coupling):
+    """Of one pose under one mode; the normaliser is a sum over a fine grid."""
+    k1, k2 = concentrations
+
+    def exponent(d1, d2):
+        across = np.sin(d1) * np.sin(d2)
+        return k1 * (np.cos(d1) - 1) + k2 * (np.cos(d2) - 1) + coupling * across
+
+    axis = np.arange(1000) * (2 * math.pi / 1000)
+    area = (axis[1] - axis[0]) ** 2
+    total = np.exp(exponent(axis[:, None], axis[None, :])).sum() * area
+    return exponent(headings[0] - mean[0], headings[1] - mean[1]) - math.log(total)
+
+
+def grid_points(log_prob, even, side):
+    """The blocks of a grid that are nearly even, and the cells that are in none."""
+    prob, bins = np.exp(log_prob), len(log_prob)
+    blocks, cells = {}, {}
+    for i in range(0, bins, side):
+        for j in range(0, bins, side):
+            block = prob[i : i + side, j : j + side]
+            mass = block.sum()
+            inner = (block * (np.log(block) - math.log(mass / side**2))).sum()
+            if inner < even:
+                blocks[i, j] = mass
+            else:
+                for a, b in np.ndindex(side, side):
+                    cells[i + a, j + b] = block[a, b]
+    return blocks, cells
+
+
+def score_matching(points, weights, mean):
+    """k1, k2 and coupling of a sine model: E[grad t . grad t'] x = -E[Laplacian of t]."""
+    matrix, vector = np.zeros((3, 3)), np.zeros(3)
+    for (x, y), weight in zip(points, weights / weights.sum(), strict=True):
+        s1, c1 = math.sin(x - mean[0]), math.cos(x - mean[0])
+        s2, c2 = math.sin(y - mean[1]), math.cos(y - mean[1])
+        gradients = np.array([[-s1, 0.0], [0.0, -s2], [c1 * s2, s1 * c2]])
+        matrix += weight * gradients @ gradients.T
+        vector += weight * np.array([c1, c2, 2 * s1 * s2])
+    return np.linalg.solve(matrix, vector)
+
+
+def sharpened(covariance, blur, least):
+    """A covariance without a blur, none of whose directions has less than a least variance."""
+    values, vectors = np.linalg.eigh(covariance)
+    return vectors @ np.diag(np.maximum(values - blur, least)) @ vectors.T
+
+
+def cell_sums(mean, concentrations, coupling, bins):
+    """A mode's sum over all cells of a grid times their area, and its mean and second moments."""
+    cell = 2 * math.pi / bins
+    total, first, second = 0.0, np.zeros(2), np.zeros((2, 2))
+    for i, j in np.ndindex(bins, bins):
+        d = np.array([(i + 0.5) * cell - mean[0], (j + 0.5) * cell - mean[1]])
+        d = (d + math.pi) % (2 * math.pi) - math.pi
+        exponent = concentrations @ (np.cos(d) - 1) + coupling * math.sin(d[0]) * math.sin(d[1])
+        value = math.exp(exponent)
+        total += value
+        first += value * d
+        second += value * np.outer(d, d)
+    return total * cell * cell, first / total, second / total
+
+
+def mixture_divergence(log_prob, mixture):
+    """Kullback-Leibler divergence of a grid, each component being divided by its own sum."""
+    bins = len(log_prob)
+    axis = (np.arange(bins) + 0.5) * (2 * math.pi / bins)
+    x, y = np.meshgrid(axis, axis, indexing="ij")
+    psi = x - y + math.pi
+    own = np.full((bins, bins), mixture.uniform_weight / bins**2)
+    modes = (mixture.weights, mixture.means, mixture.concentrations, mixture.couplings)
+    for weight, (m1, m2), (k1, k2), c in zip(*modes, strict=True):
+        exponent = k1 * np.cos(x - m1) + k2 * np.cos(y - m2) + c * np.sin(x - m1) * np.sin(y - m2)
+        share = np.exp(exponent - exponent.max())
+        own += weight * share / share.sum()
+    for k, weight in enumerate(mixture.rotation_weights):
+        exponent = mixture.rotation_concentrations[k] * np.cos(psi - mixture.rotation_means[k])
+        along = np.cos(x - mixture.rotation_headings[k])
+        exponent += mixture.rotation_heading_concentrations[k] * along
+        share = np.exp(exponent - exponent.max())
+        own += weight * share / share.sum()
+    return float((np.exp(log_prob) * (log_prob - np.log(own))).sum())

@@ -60,25 +60,39 @@ def features() -> list[Features]:
 
 
 @pytest.fixture
-def link(features: list[Features], small_table: LikelihoodTable) -> Callable[..., Links]:
-    """Link them in small batches."""
+def link(
+    features: list[Features], small_table: LikelihoodTable, monkeypatch: pytest.MonkeyPatch
+) -> Callable[..., Links]:
+    """Link them in small batches; in this process, even if it has compiled the kernels."""
 
-    def call(folder: Path, table: Any = small_table, **options: Any) -> Links:
-        return all_pairs(
-            options.pop("features", features),
-            folder,
-            table,
-            **{"batch_size": 8, **options},
-        )
+    def call(
+        folder: Path, table: Any = small_table, *, anywhere: bool = False, **options: Any
+    ) -> Links:
+        with monkeypatch.context() as patch:
+            if not anywhere:
+                patch.setattr(PairLinker, "warm_up", lambda _: False)
+            return all_pairs(
+                options.pop("features", features), folder, table, **{"batch_size": 8, **options}
+            )
 
     return call
 
 
 @pytest.fixture
 def whole(link: Callable[..., Links], tmp_path: Path) -> bytes:
-    """The file of a run in one process that nothing interrupted."""
+    """The file of a run in this process that nothing interrupted."""
     link(tmp_path / "whole")
     return (tmp_path / "whole" / "links.npz").read_bytes()
+
+
+@pytest.fixture(scope="module")
+def anywhere(
+    features: list[Features], small_table: LikelihoodTable, tmp_path_factory: pytest.TempPathFactory
+) -> bytes:
+    """The same, in another process if this one has compiled the kernels."""
+    folder = tmp_path_factory.mktemp("anywhere") / "run"
+    all_pairs(features, folder, small_table, batch_size=8)
+    return (folder / "links.npz").read_bytes()
 
 
 class StopError(Exception):
@@ -459,14 +473,16 @@ def start_alone(folder: Path, jobs: int, size: int) -> subprocess.Popen[str]:
 
 
 def test_processes_give_the_same_bytes(
-    link: Callable[..., Links], whole: bytes, tmp_path: Path
+    link: Callable[..., Links], anywhere: bytes, tmp_path: Path
 ) -> None:
-    link(tmp_path / "run", jobs=2)
-    assert (tmp_path / "run" / "links.npz").read_bytes() == whole
+    link(tmp_path / "run", jobs=2, anywhere=True)
+    assert (tmp_path / "run" / "links.npz").read_bytes() == anywhere
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="processes are looked up in /proc")
-def test_killed_and_gone_on_with(link: Callable[..., Links], whole: bytes, tmp_path: Path) -> None:
+def test_killed_and_gone_on_with(
+    link: Callable[..., Links], anywhere: bytes, tmp_path: Path
+) -> None:
     """By kill -9, which leaves no time to tell the others: they end by themselves."""
     folder = tmp_path / "run"
     process = start_alone(folder, 2, 8)
@@ -487,8 +503,8 @@ def test_killed_and_gone_on_with(link: Callable[..., Links], whole: bytes, tmp_p
         time.sleep(0.01)
     done = len(list((folder / "work").glob("batch_*.npz")))
     assert 2 <= done < BATCHES
-    link(folder, jobs=2)
-    assert (folder / "links.npz").read_bytes() == whole
+    link(folder, jobs=2, anywhere=True)
+    assert (folder / "links.npz").read_bytes() == anywhere
 
 
 def alive(pid: str) -> bool:
@@ -503,43 +519,46 @@ def alive(pid: str) -> bool:
 # --- a cluster ---------------------------------------------------------------------------------
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def scheduler() -> Iterator[str]:
-    """The address of a cluster of two workers, in this process."""
+    """The address of a cluster of two workers."""
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
         n_workers=2,
         threads_per_worker=1,
-        processes=False,
-        protocol="tcp",
         host="127.0.0.1",
-        dashboard_address=None,
+        dashboard_address=":0",
         silence_logs=logging.CRITICAL,
     ) as cluster:
         yield cluster.scheduler_address
 
 
 def test_a_cluster_gives_the_same_bytes(
-    link: Callable[..., Links], whole: bytes, tmp_path: Path, scheduler: str
+    link: Callable[..., Links], anywhere: bytes, tmp_path: Path, scheduler: str
 ) -> None:
     """And it goes on with what was done here."""
-    link(tmp_path / "all", scheduler=scheduler)
-    assert (tmp_path / "all" / "links.npz").read_bytes() == whole
+    link(tmp_path / "all", anywhere=True, scheduler=scheduler)
+    assert (tmp_path / "all" / "links.npz").read_bytes() == anywhere
     with pytest.raises(StopError):
-        link(tmp_path / "rest", progress=stop_after(40))
+        link(tmp_path / "rest", anywhere=True, progress=stop_after(40))
     told: list[int] = []
-    link(tmp_path / "rest", scheduler=scheduler, progress=lambda done, _: told.append(done))
+    link(
+        tmp_path / "rest",
+        anywhere=True,
+        scheduler=scheduler,
+        progress=lambda done, _: told.append(done),
+    )
     assert told[0] == 40 and told[-1] == PAIRS
-    assert (tmp_path / "rest" / "links.npz").read_bytes() == whole
+    assert (tmp_path / "rest" / "links.npz").read_bytes() == anywhere
 
 
 def test_a_cluster_that_is_left_can_be_come_back_to(
-    link: Callable[..., Links], whole: bytes, tmp_path: Path, scheduler: str
+    link: Callable[..., Links], anywhere: bytes, tmp_path: Path, scheduler: str
 ) -> None:
     with pytest.raises(StopError):
-        link(tmp_path, scheduler=scheduler, progress=stop_after(8))
-    link(tmp_path, scheduler=scheduler)
-    assert (tmp_path / "links.npz").read_bytes() == whole
+        link(tmp_path, anywhere=True, scheduler=scheduler, progress=stop_after(8))
+    link(tmp_path, anywhere=True, scheduler=scheduler)
+    assert (tmp_path / "links.npz").read_bytes() == anywhere
 
 
 def test_a_cluster_without_workers(
@@ -549,7 +568,7 @@ def test_a_cluster_without_workers(
     with (
         distributed.LocalCluster(
             n_workers=0, processes=False, protocol="tcp", host="127.0.0.1",
-            dashboard_address=None, silence_logs=logging.CRITICAL,
+            dashboard_address=":0", silence_logs=logging.CRITICAL,
         ) as cluster,
         pytest.raises(OSError, match=r"^scheduler: tcp://127.* has no workers"),
     ):  # fmt: skip
@@ -580,4 +599,4 @@ def test_what_fails_on_a_worker_fails_here(
     short = replace(features[-1], descriptors=features[-1].descriptors[:, :16])
     many = [*features, *[features[0][:0]] * (BLOCK - COUNT), short, short]
     with pytest.raises(ValueError, match="descriptors: expected one kind, got"):
-        link(tmp_path, features=many, scheduler=scheduler)
+        link(tmp_path, features=many, anywhere=True, scheduler=scheduler)

@@ -106,7 +106,7 @@ def add_link_options(parser: argparse.ArgumentParser) -> None:
         "--prior",
         metavar="SHARE",
         type=share,
-        help="of linked pairs among those that are matched: about one in four of all pairs of a "
+        help="of linked pairs among those that are matched: about one in five of all pairs of a "
         "home, one in thousands of a town, most of those that look alike (default: as where the "
         "model was learned)",
     )

@@ -191,7 +191,10 @@ def _run(
     if scheduler is not None:
         finished = on_cluster(scheduler, batches, linker, missing)
     else:
-        finished = in_processes(partial(_link_batch, batches, linker), missing, jobs=jobs)
+        # what a process computes with kernels that it has compiled itself differs in last digits
+        finished = in_processes(
+            partial(_link_batch, batches, linker), missing, jobs=jobs, elsewhere=linker.warm_up()
+        )
     for number in finished:
         done += len(batches[number])
         if progress is not None:

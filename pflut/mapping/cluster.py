@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import islice
 from typing import Any
 
@@ -64,6 +65,13 @@ def on_cluster(
         threads = sum(client.nthreads().values())
         if not threads:
             raise OSError(f"scheduler: {scheduler} has no workers")
+        compiled = client.run(linker.warm_up)
+        restarted = [worker for worker, some in compiled.items() if some]
+        if restarted:
+            # what a process computes with kernels that it has compiled itself differs in last
+            # digits; a worker without a nanny goes on with them
+            with suppress(ValueError):
+                client.restart_workers(restarted, timeout=TIMEOUT)
         (shared,) = client.scatter([linker], broadcast=True, hash=False)
         sent: dict[int, Any] = {}
 

@@ -126,13 +126,13 @@ def classify(posterior: GridPosterior) -> str:
     Notes
     -----
     The rotation is known where the smallest set of angles with 80 % of its marginal is at most 20
-    degrees wide. Then the set of heading_l decides: wider than 60 degrees is a "rotation", two
-    arcs, each with 15 % or more of the mass, are two "headings", everything else is a "pose".
-    Where the rotation is not known, a "pose" is a posterior with the entropy of a uniform density
-    over a hundredth of all poses, or less.
+    degrees wide, and in one arc. Then the set of heading_l decides: wider than 60 degrees is a
+    "rotation", two arcs, each with 15 % or more of the mass, are two "headings", everything else is
+    a "pose". Where the rotation is not known, a "pose" is a posterior with the entropy of a uniform
+    density over a hundredth of all poses, or less.
     """
-    width, _ = arcs(posterior.rotation()[1], KNOWN_SHARE)
-    if width <= KNOWN_ROTATION:
+    width, masses = arcs(posterior.rotation()[1], KNOWN_SHARE)
+    if width <= KNOWN_ROTATION and int((masses >= ARC_SHARE).sum()) == 1:
         width, masses = arcs(posterior.heading_l(), KNOWN_SHARE)
         if width > OPEN_HEADING:
             return "rotation"
@@ -168,5 +168,5 @@ def arcs(marginal: ArrayLike, share: float) -> tuple[float, FloatArray]:
     breaks = np.flatnonzero(steps * (TWO_PI / bins) > GAP + TWO_PI / bins)
     # the arc before the first break goes on after the last one
     arc = np.searchsorted(breaks, np.arange(len(chosen))) % max(len(breaks), 1)
-    masses = np.bincount(arc, weights=mass[chosen])
+    masses = np.bincount(arc, weights=mass[chosen]).astype(np.float64)
     return len(chosen) * TWO_PI / bins, -np.sort(-masses)

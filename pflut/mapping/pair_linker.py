@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pflut._jit import compiled_here
 from pflut.correspondences import Correspondences
 from pflut.features import Features, match_many
 from pflut.likelihood.table import LikelihoodTable
@@ -144,6 +145,28 @@ class PairLinker:
             for row, one in zip(rows, matches, strict=True):
                 found[row] = one
         return found
+
+    def warm_up(self) -> bool:
+        """Link two images that see the same, so that all kernels are loaded or compiled.
+
+        Returns
+        -------
+        bool
+            Whether this process has compiled some, see `pflut._jit.compiled_here`.
+        """
+        count = 4 * self.options.min_matches
+        rng = np.random.default_rng(0)
+        azimuth, elevation = rng.uniform(0.0, 6.0, count), rng.uniform(-0.5, 0.5, count)
+        features = Features(
+            azimuth,
+            elevation,
+            np.eye(count, dtype=np.float32),
+            np.zeros((count, 2), np.float32),
+            np.zeros(count, np.float32),
+        )
+        whatever = replace(self.options, min_probability=0.0)
+        replace(self, options=whatever)({0: features, 1: features}, np.array([[0, 1]]))
+        return compiled_here()
 
     def record(self) -> dict[str, Any]:
         """Say what the links depend on besides the features, for a JSON file."""

@@ -66,8 +66,9 @@ def fit_mixture(
         raise ValueError(
             f"log_prob, prob: expected shape (B, B), got {log_prob.shape}, {prob.shape}"
         )
-    log_prob = np.ascontiguousarray(log_prob, dtype=np.float64)
-    prob = np.ascontiguousarray(prob, dtype=np.float64)
+    # arrays that must not be written are another type to Numba
+    log_prob = np.require(log_prob, np.float64, ["C", "W"])
+    prob = np.require(prob, np.float64, ["C", "W"])
     points = np.empty((5, bins * bins), dtype=np.float32)
     start = np.empty(LEVELS * TILES**2 + 1, dtype=np.int64)
     diagonals = np.empty(bins)

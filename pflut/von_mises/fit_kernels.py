@@ -1,12 +1,13 @@
 """Kernels that fit a mixture to a grid by expectation maximization.
 
-A grid holds a density at the centres of its cells, divided by its sum. So does a component here: one
-sharper than a cell is divided by its sum over the cells, not by its integral, and its moments are
-those of the cells. At a block of cells, see `point_kernels`, it is evaluated as if blurred; and it
-is evaluated on the tiles where it is not negligible only.
+A grid holds a density at the centres of its cells, divided by its sum. So does a component here:
+one sharper than a cell is divided by its sum over the cells, not by its integral, and its moments
+are those of the cells. At a block of cells, see `point_kernels`, it is evaluated as if blurred; and
+it is evaluated on the tiles where it is not negligible only.
 
-Columns of a component: weight, then of a mode mean heading_l, mean heading_r, k1, k2, coupling; of a
-band mean rotation, mean heading_l, their concentrations, and nothing. The last column is its kind.
+Columns of a component: weight, then of a mode mean heading_l, mean heading_r, k1, k2, coupling; of
+a band mean rotation, mean heading_l, their concentrations, and nothing. The last column is its
+kind.
 """
 
 from __future__ import annotations
@@ -33,6 +34,8 @@ NEGLIGIBLE = 14.0
 """Nats below its maximum at which a mode has ended."""
 NEARBY = 0.25
 """Radians within which what is missing makes one new mode."""
+POLISHES = 4
+"""So many times so many steps at most, once nothing is added any more."""
 BAND_SHARE, BAND_LENGTH = 0.3, 0.8
 """A band is tried if three diagonals hold so much, at headings whose mean vector is no longer."""
 TWO_PI = 2.0 * np.pi
@@ -100,13 +103,9 @@ def half_width(k1, k2, coupling, nats):  # type: ignore[no-untyped-def]
     With v = 1 - cos d1 and r^2 = c^2 / (k1 k2) its log-density is there at most
     -k1 v (1 - r^2 + r^2 v / 2) below.
     """
-    product = k1 * k2
-    if k1 < 1e-9 or product < 1e-18:
-        squared = 0.0
-    else:
-        squared = min(coupling * coupling / product, 1.0)
     if k1 < 1e-9:
         return np.pi
+    squared = min(coupling * coupling / (k1 * max(k2, 1e-9)), 1.0)
     share = nats / k1
     rest = 1.0 - squared
     v = 2.0 * share / (rest + np.sqrt(rest * rest + 2.0 * squared * share))
@@ -172,7 +171,9 @@ def is_sharp(component, cell):  # type: ignore[no-untyped-def]
 def is_short(component, cell):  # type: ignore[no-untyped-def]
     """Say whether a mode is no longer than three cells, so that it is normal."""
     k1, k2 = component[K_1], component[K_2]
-    return k1 + k2 < (3.0 * cell) ** 2 * (k1 * k2 - component[COUPLING] ** 2)
+    return component[KIND] == MODE and k1 + k2 < (3.0 * cell) ** 2 * (
+        k1 * k2 - component[COUPLING] ** 2
+    )
 
 
 @jit
@@ -188,7 +189,7 @@ def sum_over_cells(component, cell, sums):  # type: ignore[no-untyped-def]
     if swapped:
         k1, k2, mean_1, mean_2 = k2, k1, mean_2, mean_1
     c = component[COUPLING]
-    reach = half_width(k1, k2, c, 10.0) / cell
+    reach = half_width(k1, k2, c, 9.0) / cell
     center = mean_1 / cell - 0.5
     total, m1, m2, s11, s22, s12 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(int(np.ceil(center - reach)), int(np.floor(center + reach)) + 1):
@@ -197,7 +198,7 @@ def sum_over_cells(component, cell, sums):  # type: ignore[no-untyped-def]
         row = -k1 * (1.0 - np.cos(d1))
         steepness = np.sqrt(k2 * k2 + sine * sine)
         middle = (mean_2 + np.arctan2(sine, k2)) / cell - 0.5
-        width = 4.5 / (np.sqrt(steepness) * cell) + 0.5
+        width = 4.2 / (np.sqrt(steepness) * cell) + 0.5
         for j in range(int(np.ceil(middle - width)), int(np.floor(middle + width)) + 1):
             d2 = (j + 0.5) * cell - mean_2
             value = np.exp(row - k2 * (1.0 - np.cos(d2)) + sine * np.sin(d2))
@@ -261,9 +262,10 @@ def _find_runs(component, cell, start, runs):  # type: ignore[no-untyped-def]
             margin += BLOCK * cell
         x, rows = _tiles(component[MEAN_1], half_width(k1, k2, c, NEGLIGIBLE) + margin)
         y, columns = _tiles(component[MEAN_2], half_width(k2, k1, c, NEGLIGIBLE) + margin)
-    # blocks are few
-    base = TILES * TILES
-    n = _add_run(start[0], start[base], 0, runs, 0)
+    base, n = TILES * TILES, 0
+    # blocks are few, and what is sharp does not lie on them
+    if not (is_sharp(component, cell) and is_short(component, cell)):
+        n = _add_run(start[0], start[base], 0, runs, 0)
     if rows == TILES and columns == TILES:
         return _add_run(start[base], start[2 * base], 1, runs, n)
     for a in range(x, x + rows):
@@ -387,7 +389,7 @@ def _cross_entropy(points, total):  # type: ignore[no-untyped-def]
     """Mean of minus the log of the density over the grid's probability."""
     value = 0.0
     for n in range(total.shape[0]):
-        value -= points[4, n] * np.log(total[n])
+        value -= np.float64(points[4, n]) * np.log(np.float64(total[n]))
     return value
 
 
@@ -466,7 +468,7 @@ def concentration(spread):  # type: ignore[no-untyped-def]
         return length * (2.0 + length**2 + 5.0 / 6.0 * length**4)
     if length < 0.85:
         return -0.4 + 1.39 * length + 0.43 / spread
-    return 1.0 / (spread * (1.0 + length * (length - 2.0) + 1.0) * length + 2.0 * spread * spread)
+    return 1.0 / (length * spread * (2.0 + spread))
 
 
 @jit
@@ -491,9 +493,9 @@ def update_mode(moments, blur, least, component):  # type: ignore[no-untyped-def
     """Set a mode from its moments: score matching, which is linear and needs no normaliser.
 
     With t the statistics (cos d1, cos d2, sin d1 sin d2), the parameters solve
-    E[grad t . grad t'] x = -E[Laplacian of t]. K. V. Mardia, J. T. Kent, A. K. Laha, "Score matching
-    estimators for directional distributions", arXiv:1604.08470, 2016. For small deviations it is
-    the inverse of the covariance.
+    E[grad t . grad t'] x = -E[Laplacian of t]. K. V. Mardia, J. T. Kent, A. K. Laha, "Score
+    matching estimators for directional distributions", arXiv:1604.08470, 2016. For small deviations
+    it is the inverse of the covariance.
     """
     mass = moments[0]
     component[WEIGHT] = mass
@@ -792,4 +794,17 @@ def fit(  # type: ignore[no-untyped-def]
         if little and disappointed:
             break
         disappointed = little
+    # nothing more may be added: improve what there is
+    for _ in range(POLISHES):
+        if divergence <= target:
+            break
+        for _ in range(POLISHES):
+            uniform = _maximize(points, cell, components, count, run_rows, num_runs, scratch, total)
+            _expect(
+                points, start, cell, components, count, uniform, run_rows, num_runs, scratch, total
+            )
+        before = divergence
+        divergence = base + _cross_entropy(points, total)
+        if before - divergence < 0.05 * divergence:
+            break
     return count, uniform, divergence

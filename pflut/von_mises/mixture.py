@@ -13,6 +13,8 @@ from pflut.von_mises.sine import log_density, quadrature
 
 MAX_COMPONENTS = 64
 """Of a fit, by default; most have one or two."""
+MODE_SEPARATION = float(np.radians(15.0))
+"""Radians within which components are one mode, by default."""
 LOG_UNIFORM = float(-2.0 * np.log(TWO_PI))
 """Log of the density over both headings where nothing is known."""
 
@@ -223,6 +225,51 @@ class VonMisesMixture:
         entries = np.array([[k2, c], [c, k1]]) / np.where(determinant > 0.0, determinant, 1.0)
         chosen = np.where(determinant > 0.0, entries, infinite)
         return np.ascontiguousarray(chosen.transpose(2, 0, 1))
+
+    def merged_modes(
+        self, *, separation: float = MODE_SEPARATION
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the distinct modes: components beside each other describe one that is not normal.
+
+        Parameters
+        ----------
+        separation : float
+            Radians. The heaviest component takes in those whose means are nearer in both headings,
+            then the heaviest that is left, and so on.
+
+        Returns
+        -------
+        weights : ndarray of shape (n,)
+            Descending; bands and the uniform rest have what is missing to one.
+        means : ndarray of shape (n, 2)
+            ``[heading_l, heading_r]``, radians in (-pi, pi].
+        covariances : ndarray of shape (n, 2, 2)
+            Radians^2, with the components' distances.
+        """
+        covariances = self.covariances()
+        # a component without a covariance is as broad as what is merged
+        flat = ~np.isfinite(covariances).all(axis=(1, 2))
+        covariances[flat] = separation**2 * np.eye(2)
+        left = np.ones(len(self.weights), dtype=bool)
+        found = []
+        while left.any():
+            first = int(np.argmax(np.where(left, self.weights, -1.0)))
+            offsets = wrap_to_pi(self.means - self.means[first]).reshape(-1, 2)
+            near = left & (np.abs(offsets) < separation).all(axis=1)
+            weights = self.weights[near]
+            total = weights.sum()
+            shares = weights / total if total > 0.0 else np.full(len(weights), 1.0 / len(weights))
+            mean = shares @ offsets[near]
+            apart = offsets[near] - mean
+            spread = covariances[near] + apart[:, :, None] * apart[:, None, :]
+            found.append((total, self.means[first] + mean, np.tensordot(shares, spread, axes=1)))
+            left &= ~near
+        found.sort(key=lambda mode: -mode[0])
+        return (
+            np.array([mode[0] for mode in found]),
+            np.array(wrap_to_pi([mode[1] for mode in found])).reshape(-1, 2),
+            np.array([mode[2] for mode in found]).reshape(-1, 2, 2),
+        )
 
     def rotation_components(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return what the modes and bands say of the rotation psi alone.

@@ -17,7 +17,7 @@ from pflut.geometry import TWO_PI, FloatArray
 from pflut.von_mises.bessel import log_i0
 
 NODES = 64
-_HALF_WIDTHS = np.pi * 0.8 ** np.arange(48)
+_HALF_WIDTHS: FloatArray = np.pi * np.power(0.8, np.arange(48.0))
 _NEGLIGIBLE = 45.0
 """Nats below the maximum at which the integrand of the normaliser has ended."""
 
