@@ -1,8 +1,8 @@
 """Make the pictures of the documentation, all from the project's own simulator.
 
-    python sims/doc_images.py [conventions|replay|home|relpose ...]
+    python sims/doc_images.py [conventions|replay|home|relpose|places ...]
 
-Without names all of them, in about two minutes. They go to docs/images/.
+Without names all of them, in some minutes. They go to docs/images/.
 """
 
 from __future__ import annotations
@@ -69,6 +69,13 @@ def relpose() -> None:
         figure = f"{folder}/pair.png"
         run(["relpose", *names, "--dataset", "simulated-home", "--figure", figure])
         shrink(Path(figure), IMAGES / "pair.jpg")
+
+
+def places() -> None:
+    """Draw the places of the simulated home, of both drives together."""
+    with tempfile.TemporaryDirectory() as folder:
+        run(["map", "places", "simulated-home", "--output", f"{folder}/places"])
+        shrink(Path(folder) / "places" / "figures" / "places.png", IMAGES / "places.jpg")
 
 
 def conventions() -> None:
@@ -242,7 +249,7 @@ def shrink(source: Path, target: Path) -> None:
     picture.save(target, optimize=True, quality=88)
 
 
-PICTURES = {f.__name__: f for f in (conventions, replay, home, relpose)}
+PICTURES = {f.__name__: f for f in (conventions, replay, home, relpose, places)}
 
 
 def main() -> None:

@@ -51,6 +51,7 @@ WAYS = (
     "filter, no odometry",
 )
 RESAMPLES = 10_000
+RESOLUTIONS = (0.5, 1.0, 2.0)
 
 
 def localize(dataset: Dataset, node_model: NodeModel, features: list) -> np.ndarray:
@@ -98,7 +99,11 @@ def measure(seed: int, arguments: argparse.Namespace) -> tuple[list[list], dict[
     about = {
         "rooms": len(home.rooms),
         "places": made.num_places,
-        "agreement": adjusted_rand_index(made.places, rooms),
+    } | {
+        f"agreement at {resolution:g}": adjusted_rand_index(
+            made.with_places(resolution=resolution).places, rooms
+        )
+        for resolution in RESOLUTIONS
     }
     if seed == arguments.seed:
         save_figure(
@@ -153,24 +158,26 @@ def main() -> None:
     arguments.output.mkdir(parents=True, exist_ok=True)
     rows: list[list] = []
     print(f"{'home':>6}{'rooms':>7}{'places':>8}{'agreement':>11}{'filter right':>14}")
-    agreements = []
+    agreements: dict[float, list[float]] = {resolution: [] for resolution in RESOLUTIONS}
     for seed in tqdm(seeds, unit="home", disable=None):
         new, about = measure(seed, arguments)
         rows += new
-        agreements.append(about["agreement"])
+        for resolution, values in agreements.items():
+            values.append(about[f"agreement at {resolution:g}"])
         share = np.mean([row[2 + WAYS.index("filter")] for row in new])
         print(
-            f"{seed:>6}{about['rooms']:>7}{about['places']:>8}{about['agreement']:>11.3f}"
+            f"{seed:>6}{about['rooms']:>7}{about['places']:>8}{about['agreement at 1']:>11.3f}"
             f"{share:>14.3f}   (possible {about['possible']:.3f})",
             flush=True,
         )
     columns = ["home", "image", *WAYS, "place", "probability", "place_probability"]
     write_csv(arguments.output / "topological_map.csv", columns, rows)
-    low, middle, high = np.quantile(agreements, [0.0, 0.5, 1.0])
-    print(f"\nplaces and rooms, adjusted Rand index: median {middle:.3f}, {low:.3f} to {high:.3f}")
+    print("\nplaces and rooms, adjusted Rand index: median, least and largest of the homes")
+    for resolution, values in agreements.items():
+        low, middle, high = np.quantile(values, [0.0, 0.5, 1.0])
+        print(f"resolution {resolution:<11g}{middle:.3f}, {low:.3f} to {high:.3f}")
     print(f"\nof {len(rows)} images the right node; last, the place of the nearest node")
-    values = np.array(rows, dtype=np.float64)
-    column = dict(zip(columns, values.T, strict=True))
+    column = dict(zip(columns, np.array(rows, dtype=np.float64).T, strict=True))
     for name in (*WAYS, "place"):
         print(f"{name:<22}{with_interval(column[name], column['home'])}")
     print("the filter's share minus that of")
