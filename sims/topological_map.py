@@ -3,9 +3,10 @@
     python sims/topological_map.py [--quick] [--seed N] [--homes N] [--output DIR]
 
 Links all pairs of the images of each home's mapping drive, makes a topological map of them, and
-compares its places with the rooms by the adjusted Rand index. Localizes the images of the test
-drive (another day, another light) in that map, globally lost. A node is right if it stands within
-1 m of the image and in the same room. Beside each other:
+compares its places with the rooms by the adjusted Rand index, and the directions of its links with
+the truth. Localizes the images of the test drive (another day, another light) in that map,
+globally lost. A node is right if it stands within 1 m of the image and in the same room. Beside
+each other:
 
 retrieval            the node whose visual words are most like the image's
 most matches         of the nodes that the filter's retrieval proposes
@@ -23,6 +24,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from tqdm import tqdm
@@ -31,6 +33,7 @@ from pflut import LikelihoodTable, all_pairs
 from pflut._files import write_csv
 from pflut.datasets import Dataset, load_simulated_home
 from pflut.features import FeatureCache
+from pflut.geometry import relative_headings, wrap_to_pi
 from pflut.likelihood.sampling import available_cores
 from pflut.mapping.all_pairs import dataset_features
 from pflut.mapping.link_model import LinkModel
@@ -51,6 +54,7 @@ WAYS = (
     "filter, no odometry",
 )
 RESAMPLES = 10_000
+TURN = np.radians(15.0)
 RESOLUTIONS = (0.5, 1.0, 2.0)
 
 
@@ -80,7 +84,7 @@ def localize(dataset: Dataset, node_model: NodeModel, features: list) -> np.ndar
     return np.array(rows)
 
 
-def measure(seed: int, arguments: argparse.Namespace) -> tuple[list[list], dict[str, float]]:
+def measure(seed: int, arguments: argparse.Namespace) -> tuple[list[list], dict[str, Any]]:
     """Make the map of a home and localize its test drive."""
     dataset, home = load_simulated_home(seed), Home.generate(seed)
     table = LikelihoodTable.default()
@@ -96,7 +100,7 @@ def measure(seed: int, arguments: argparse.Namespace) -> tuple[list[list], dict[
     assert dataset.ground_truth is not None
     nodes, images = dataset.ground_truth[references], dataset.ground_truth[dataset.query_indices]
     rooms, seen_rooms = rooms_at(home, nodes), rooms_at(home, images)
-    about = {
+    about: dict[str, Any] = {
         "rooms": len(home.rooms),
         "places": made.num_places,
     } | {
@@ -105,6 +109,9 @@ def measure(seed: int, arguments: argparse.Namespace) -> tuple[list[list], dict[
         )
         for resolution in RESOLUTIONS
     }
+    first, second = made.edges.T
+    true_l, true_r, _ = relative_headings(nodes[first], nodes[second])
+    about["heading errors"] = np.abs(wrap_to_pi(made.headings - np.column_stack([true_l, true_r])))
     if seed == arguments.seed:
         save_figure(
             plot_places(
@@ -159,9 +166,11 @@ def main() -> None:
     rows: list[list] = []
     print(f"{'home':>6}{'rooms':>7}{'places':>8}{'agreement':>11}{'filter right':>14}")
     agreements: dict[float, list[float]] = {resolution: [] for resolution in RESOLUTIONS}
+    headings = []
     for seed in tqdm(seeds, unit="home", disable=None):
         new, about = measure(seed, arguments)
         rows += new
+        headings.append(about["heading errors"])
         for resolution, values in agreements.items():
             values.append(about[f"agreement at {resolution:g}"])
         share = np.mean([row[2 + WAYS.index("filter")] for row in new])
@@ -176,6 +185,12 @@ def main() -> None:
     for resolution, values in agreements.items():
         low, middle, high = np.quantile(values, [0.0, 0.5, 1.0])
         print(f"resolution {resolution:<11g}{middle:.3f}, {low:.3f} to {high:.3f}")
+    errors = np.concatenate(headings)
+    known = errors[np.isfinite(errors).all(axis=1)].ravel()
+    print(
+        f"\n{len(errors)} links, {len(known) / errors.size:.3f} of them with headings; error: "
+        f"median {np.degrees(np.median(known)):.2f} deg, {np.mean(known < TURN):.3f} within 15 deg"
+    )
     print(f"\nof {len(rows)} images the right node; last, the place of the nearest node")
     column = dict(zip(columns, np.array(rows, dtype=np.float64).T, strict=True))
     for name in (*WAYS, "place"):
