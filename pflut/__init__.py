@@ -62,8 +62,12 @@ if TYPE_CHECKING:
     from pflut.mapping.link_model import LinkModel as LinkModel
     from pflut.mapping.links import Links as Links
     from pflut.mapping.map_errors import MapErrors as MapErrors
+    from pflut.mapping.node_localizer import NodeLocalizer as NodeLocalizer
+    from pflut.mapping.node_model import NodeModel as NodeModel
+    from pflut.mapping.node_walk import NodeWalk as NodeWalk
     from pflut.mapping.pair_linker import LinkOptions as LinkOptions
     from pflut.mapping.pose_graph import PoseGraph as PoseGraph
+    from pflut.mapping.topological_map import TopologicalMap as TopologicalMap
     from pflut.posterior import GridPosterior as GridPosterior
     from pflut.posterior import pose_posterior as pose_posterior
     from pflut.reference_map import ReferenceMap as ReferenceMap
@@ -107,6 +111,9 @@ _NAMES = {
     "Localizer": "localization.localizer",
     "MapErrors": "mapping.map_errors",
     "Moved": "localization.resampling_policy",
+    "NodeLocalizer": "mapping.node_localizer",
+    "NodeModel": "mapping.node_model",
+    "NodeWalk": "mapping.node_walk",
     "Omnidirectional": "localization.motion",
     "OptimizedGraph": "mapping.graph_optimizer",
     "ParticleFilter": "localization.particle_filter",
@@ -119,6 +126,7 @@ _NAMES = {
     "ReferenceProposal": "localization.proposals",
     "RelativePose": "relpose.result",
     "RelativePoseModel": "localization.relative_pose_model",
+    "TopologicalMap": "mapping.topological_map",
     "Trajectory": "trajectory",
     "UniformProposal": "localization.proposals",
     "UnscentedKalmanFilter": "localization.unscented_kalman_filter",

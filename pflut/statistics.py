@@ -252,6 +252,47 @@ def bootstrap_median_ratio(
     return float(low), float(high)
 
 
+def adjusted_rand_index(first: ArrayLike, second: ArrayLike) -> float:
+    """Say how well two ways of sorting the same things into groups agree.
+
+    Of all pairs of things, how many are together in both, beyond what chance would give to groups
+    of these sizes (Hubert, Arabie, "Comparing partitions", 1985).
+
+    Parameters
+    ----------
+    first, second : array_like of shape (n,)
+        The group of each thing; the names of groups do not matter.
+
+    Returns
+    -------
+    float
+        1 for the same groups, 0 on average for random ones, at least -1. Also 1 where both put all
+        things together, or each into a group of its own.
+
+    Raises
+    ------
+    ValueError
+        If the shapes differ, or there is nothing.
+    """
+    left, right = np.asarray(first), np.asarray(second)
+    if left.ndim != 1 or left.shape != right.shape or not left.size:
+        raise ValueError(
+            f"first, second: expected two groups a thing, got shapes {left.shape} and {right.shape}"
+        )
+    _, a = np.unique(left, return_inverse=True)
+    _, b = np.unique(right, return_inverse=True)
+    counts = np.zeros((a.max() + 1, b.max() + 1))
+    np.add.at(counts, (a, b), 1.0)
+
+    def pairs(values: FloatArray) -> float:
+        return float((values * (values - 1.0)).sum()) / 2.0
+
+    together, of_first, of_second = pairs(counts), pairs(counts.sum(1)), pairs(counts.sum(0))
+    expected = of_first * of_second / max(pairs(np.array([left.size], dtype=np.float64)), 1.0)
+    most = 0.5 * (of_first + of_second)
+    return 1.0 if most == expected else (together - expected) / (most - expected)
+
+
 def bin_indices(x: ArrayLike, edges: ArrayLike) -> NDArray[np.intp]:
     """Say in which bin each x is.
 

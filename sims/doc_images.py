@@ -1,8 +1,8 @@
 """Make the pictures of the documentation, all from the project's own simulator.
 
-    python sims/doc_images.py [conventions|replay|home|relpose|maps ...]
+    python sims/doc_images.py [conventions|replay|home|relpose|maps|places ...]
 
-Without names all of them, in about two minutes. They go to docs/images/.
+Without names all of them, in some minutes. They go to docs/images/.
 """
 
 from __future__ import annotations
@@ -77,6 +77,13 @@ def maps() -> None:
         drive = ["--images", "references", "--simulate-odometry"]
         run(["map", "build", "simulated-home", *drive, "--output", f"{folder}/map"])
         shrink(Path(folder) / "map" / "figures" / "map.png", IMAGES / "map.jpg")
+
+
+def places() -> None:
+    """Draw the places of the simulated home, of both drives together."""
+    with tempfile.TemporaryDirectory() as folder:
+        run(["map", "places", "simulated-home", "--output", f"{folder}/places"])
+        shrink(Path(folder) / "places" / "figures" / "places.png", IMAGES / "places.jpg")
 
 
 def conventions() -> None:
@@ -250,7 +257,7 @@ def shrink(source: Path, target: Path) -> None:
     picture.save(target, optimize=True, quality=88)
 
 
-PICTURES = {f.__name__: f for f in (conventions, replay, home, relpose, maps)}
+PICTURES = {f.__name__: f for f in (conventions, replay, home, relpose, maps, places)}
 
 
 def main() -> None:

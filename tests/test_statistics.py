@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pflut.statistics import (
+    adjusted_rand_index,
     bin_indices,
     bootstrap_median,
     bootstrap_median_ratio,
@@ -106,3 +107,25 @@ def test_bins_hold_what_lies_between_their_edges():
     counted = [np.count_nonzero(bin_indices(values, edges) == k) for k in range(3)]
     assert counted == np.histogram(values, edges)[0].tolist()
     assert bin_indices([], edges).shape == (0,)
+
+
+def test_adjusted_rand_index_by_hand():
+    # 2 of 6 pairs are together in the first, 3 in the second, 1 in both; by chance 2 * 3 / 6
+    assert adjusted_rand_index([0, 0, 1, 1], [5, 5, 5, 2]) == 0.0
+    # 1 together, expected 1 * 2 / 6, at most 1.5
+    found = adjusted_rand_index(list("aabc"), [0, 0, 1, 1])
+    assert found == pytest.approx((1 - 1 / 3) / (1.5 - 1 / 3))
+    assert adjusted_rand_index([3, 3, 1], ["x", "x", "y"]) == 1.0
+    for same in ([0, 0, 0], [0, 1, 2], [0]):
+        assert adjusted_rand_index(same, same) == 1.0
+    assert adjusted_rand_index([0, 0, 0], [0, 1, 2]) == 0.0
+    with pytest.raises(ValueError, match="first, second"):
+        adjusted_rand_index([0, 1], [0])
+    with pytest.raises(ValueError, match="first, second"):
+        adjusted_rand_index([], [])
+
+
+def test_random_groups_agree_by_chance():
+    rng = np.random.default_rng(3)
+    found = [adjusted_rand_index(*rng.integers(0, 4, (2, 40))) for _ in range(400)]
+    assert abs(np.mean(found)) < 5 * np.std(found) / np.sqrt(400)

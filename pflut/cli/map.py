@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pflut.cli import map_build, map_links
+from pflut.cli import map_build, map_links, map_places
 from pflut.cli.arguments import Subparsers, add_verb
 
 
@@ -11,11 +11,11 @@ def add_parser(verbs: Subparsers) -> None:
     parser = add_verb(
         verbs,
         "map",
-        "link the images of a drive (links), or make a map of it (build)",
-        usage="{links,build} ...",
+        "link the images of a drive (links), make a map of it (build), or find its places (places)",
+        usage="{links,build,places} ...",
     )
     actions = parser.add_subparsers(
         title="actions", metavar="ACTION", required=True, prog=parser.prog
     )
-    for action in (map_links, map_build):
+    for action in (map_links, map_build, map_places):
         action.add_parser(actions)

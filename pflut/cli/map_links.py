@@ -105,7 +105,7 @@ def add_link_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--prior",
         metavar="SHARE",
-        type=_share,
+        type=share,
         help="of linked pairs among those that are matched: about one in five of all pairs of a "
         "home, one in thousands of a town, most of those that look alike (default: as where the "
         "model was learned)",
@@ -272,7 +272,7 @@ def _report(dataset: Dataset, links: Links) -> str:
     return "\n".join(lines)
 
 
-def _share(text: str) -> float:
+def share(text: str) -> float:
     """Parse a share between 0 and 1."""
     value = float(text)
     if not 0.0 < value < 1.0:

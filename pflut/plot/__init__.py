@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from pflut.plot.map import plot_trajectory as plot_trajectory
     from pflut.plot.pair import plot_correspondences as plot_correspondences
     from pflut.plot.pair import plot_posterior as plot_posterior
+    from pflut.plot.places import plot_places as plot_places
     from pflut.plot.pose_graph import plot_pose_graph as plot_pose_graph
     from pflut.plot.reliability import plot_precision_recall as plot_precision_recall
     from pflut.plot.reliability import plot_reliability as plot_reliability
@@ -37,6 +38,7 @@ _NAMES = {
     "plot_medians": "errors",
     "plot_pair_errors": "errors",
     "plot_pose_graph": "pose_graph",
+    "plot_places": "places",
     "plot_posterior": "pair",
     "plot_precision_recall": "reliability",
     "plot_reliability": "reliability",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from pflut.geometry import FloatArray
 from pflut.simulation.changes import Changes
@@ -128,3 +129,23 @@ def is_inside(home: Home, x: float, y: float) -> bool:
     """Say whether a point is in a room or a doorway of a home, not in a wall or outside."""
     space = free_space_of_walls(home.rooms, home.openings)
     return bool(space.at([[x, y]])[0] > 0.0)
+
+
+def rooms_at(home: Home, points: ArrayLike) -> NDArray[np.intp]:
+    """Say which rooms points are in.
+
+    Parameters
+    ----------
+    home : Home
+    points : array_like of shape (n, 2) or (n, 3)
+        ``[x, y]`` in metres; a third column is ignored.
+
+    Returns
+    -------
+    ndarray of shape (n,), int
+        Indices of ``home.rooms``; of a point in a doorway the nearest room's.
+    """
+    x, y = np.asarray(points, dtype=np.float64)[:, :2].T[:, :, None]
+    x0, y0, x1, y1 = np.array([(r.x0, r.y0, r.x1, r.y1) for r in home.rooms]).T
+    outside = np.hypot(x - np.clip(x, x0, x1), y - np.clip(y, y0, y1))
+    return np.asarray(np.argmin(outside, axis=1))

@@ -1,0 +1,283 @@
+"""``pflut map places``: a topological map of linked images, and its places."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pflut.cli.arguments import (
+    Subparsers,
+    add_verb,
+    as_json,
+    command_line,
+    natural,
+    replay_options,
+)
+from pflut.cli.map_links import add_link_options, linked, share
+
+if TYPE_CHECKING:
+    from pflut.datasets.base import Dataset
+    from pflut.geometry import FloatArray
+    from pflut.mapping.links import Links
+    from pflut.mapping.topological_map import TopologicalMap
+    from pflut.replay.options import ReplayOptions
+
+_DETAILS = """\
+Takes the links of a folder that pflut map links (or map build) wrote, or links a dataset's images
+first, as pflut map links does with the same options. Images are the nodes, probable links the
+edges; places are groups of images that are linked with each other more than with others. No pose is
+used but to draw the map over the floor plan.
+
+Results: places.json, topological_map.graphml (for Gephi, Cytoscape, networkx and pflut),
+figures/places.png, run.json.
+
+Needs pip install "pflut[mapping]"."""
+
+_EXAMPLES = """\
+  pflut map links simulated-home --output results/links
+  pflut map places results/links
+  pflut map places drive/ --resolution 2            more and smaller places
+"""
+SHOWN = 12
+"""Places that are printed, at most."""
+
+
+def add_parser(actions: Subparsers) -> None:
+    """Add the action."""
+    parser = add_verb(
+        actions,
+        "places",
+        "make a topological map of linked images, and find its places",
+        usage="[options] LINKS|DATASET",
+        details=_DETAILS,
+        examples=_EXAMPLES,
+    )
+    parser.add_argument(
+        "dataset",
+        metavar="LINKS|DATASET",
+        help="a folder of pflut map links, or a dataset: simulated-home, a folder, ...",
+    )
+    parser.add_argument(
+        "--output",
+        metavar="DIR",
+        type=Path,
+        help="folder of the results (default: results/<date>_<time>_<dataset>-places)",
+    )
+    parser.add_argument(
+        "--min-probability",
+        metavar="P",
+        type=share,
+        default=0.5,
+        help="leave out links that are less probable (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--resolution",
+        metavar="X",
+        type=_above_zero,
+        default=1.0,
+        help="more makes more and smaller places (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--seed",
+        metavar="N",
+        type=natural,
+        default=0,
+        help="of the search for places (default: %(default)s)",
+    )
+    parser.add_argument("--no-figures", action="store_true", help="write no figures")
+    add_link_options(parser)
+    parser.set_defaults(run=run, parser=parser)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Make the map, write it and print its places."""
+    options = replay_options(arguments)
+
+    from pflut._files import write_json
+    from pflut.mapping.topological_map import TopologicalMap
+    from pflut.results import run_record
+
+    source = Path(arguments.dataset)
+    if (source / "links.npz").is_file():
+        links, names, dataset, name, folder = _of_folder(arguments, source)
+    else:
+        links, names, dataset, name, folder = _of_dataset(arguments, options)
+    try:
+        made = TopologicalMap.from_links(
+            links,
+            len(names),
+            min_probability=arguments.min_probability,
+            resolution=arguments.resolution,
+            names=names,
+            rng=arguments.seed,
+        )
+        made.save(folder / "topological_map.graphml")
+        positions, over, note = _positions(made, dataset)
+    except ImportError as error:
+        raise ValueError(str(error)) from None
+    write_json(folder / "places.json", _content(made, len(links)))
+    if not arguments.no_figures:
+        _draw(folder, made, positions, over, name, note)
+    record = run_record(
+        command_line(), dataset=name, images=list(names), arguments=as_json(arguments)
+    )
+    write_json(folder / "run.json", record)
+    print(_report(name, made, len(links), note))
+    print(f"results: {folder}")
+
+
+Found = tuple["Links", tuple[str, ...], "Dataset | None", str, Path]
+"""Links, the names of their images, the dataset of these images, its name, and the results."""
+
+
+def _of_folder(arguments: argparse.Namespace, source: Path) -> Found:
+    """Read the links of a folder, and the dataset that they are of, if it is there still."""
+    from pflut._files import read_json
+    from pflut.cli.loading import load
+    from pflut.cli.progress import Bars
+    from pflut.mapping.links import Links
+    from pflut.results import create_results_folder
+
+    links = Links.load(source / "links.npz")
+    record = read_json(source / "run.json")
+    name, names = str(record.get("dataset")), tuple(map(str, record.get("images", ())))
+    if len(names) < 2:
+        raise ValueError(f"{source / 'run.json'}: names no images, expected that of pflut map")
+    of = str(record.get("arguments", {}).get("dataset"))
+    dataset: Dataset | None = None
+    try:
+        with Bars() as bars:
+            dataset = _only(load(of, None, progress=bars), names)
+    except (OSError, ValueError):
+        pass  # links of images that are elsewhere have places all the same
+    folder = create_results_folder(arguments.output, f"{name} places")
+    return links, names, dataset, name, folder
+
+
+def _of_dataset(arguments: argparse.Namespace, options: ReplayOptions) -> Found:
+    """Link the images of a dataset."""
+    from pflut.cli.loading import load
+    from pflut.cli.progress import Bars
+    from pflut.results import create_results_folder
+
+    with Bars() as bars:
+        dataset = load(arguments.dataset, None, progress=bars)
+        begun = arguments.output is not None and (arguments.output / "settings.json").is_file()
+        folder = create_results_folder(arguments.output, f"{dataset.name} places", overwrite=begun)
+        links = linked(arguments, dataset, options, folder, bars)
+    return links, tuple(path.name for path in dataset.image_paths), dataset, dataset.name, folder
+
+
+def _only(dataset: Dataset, names: tuple[str, ...]) -> Dataset:
+    """Return a dataset of some of the images, by their names."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    number = {path.name: k for k, path in enumerate(dataset.image_paths)}
+    if len(number) < len(dataset) or not number.keys() >= set(names):
+        raise ValueError(f"{dataset.name}: other images")
+    chosen = np.array([number[name] for name in names])
+    truth, odometry = dataset.ground_truth, dataset.odometry
+    return replace(
+        dataset,
+        stamps=dataset.stamps[chosen],
+        image_paths=tuple(dataset.image_paths[k] for k in chosen),
+        ground_truth=None if truth is None else truth[chosen],
+        odometry=None if odometry is None else odometry[chosen],
+        reference_indices=np.empty(0, np.intp),
+        query_indices=np.arange(len(chosen)),
+    )
+
+
+def _positions(
+    made: TopologicalMap, dataset: Dataset | None
+) -> tuple[FloatArray, Dataset | None, str | None]:
+    """Say where to draw the images and over what, and a note if not where they were taken."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    if dataset is not None:
+        truth, odometry = dataset.ground_truth, dataset.odometry
+        if truth is not None and np.isfinite(truth).all(axis=1).any():
+            return truth, dataset, None
+        if odometry is not None and np.isfinite(odometry).all(axis=1).any():
+            over = replace(dataset, ground_truth=odometry, floor_plan=None)
+            return odometry, over, "no true poses are known: drawn where odometry says"
+    return made.layout(), None, "no poses are known: linked images are drawn near each other"
+
+
+def _content(made: TopologicalMap, pairs: int) -> dict[str, Any]:
+    """Give what places.json says."""
+    import numpy as np
+
+    places = made.places[made.edges]
+    within = places[:, 0] == places[:, 1]
+    return {
+        "images": len(made),
+        "pairs": pairs,
+        "links": len(made.edges),
+        "links_between_places": int((~within).sum()),
+        "places": [
+            {
+                "place": place,
+                "images": [made.names[image] for image in made.members(place)],
+                "linked_places": sorted(
+                    {int(p) for p in np.unique(places[(places == place).any(axis=1)])} - {place}
+                ),
+            }
+            for place in range(made.num_places)
+        ],
+    }
+
+
+def _draw(
+    folder: Path,
+    made: TopologicalMap,
+    positions: FloatArray,
+    over: Dataset | None,
+    name: str,
+    note: str | None,
+) -> None:
+    """Write the figure."""
+    from pflut.plot import plot_places, save_figure
+
+    figure = plot_places(
+        positions,
+        made.places,
+        made.edges,
+        made.probability,
+        over,
+        title=f"{name}: {len(made)} images, {len(made.edges)} links, {made.num_places} places",
+        note=note,
+    )
+    (folder / "figures").mkdir(exist_ok=True)
+    save_figure(figure, folder / "figures" / "places.png")
+
+
+def _report(name: str, made: TopologicalMap, pairs: int, note: str | None) -> str:
+    """Say what the map is made of."""
+    content = _content(made, pairs)
+    lines = [
+        f"{name}: {len(made)} images, {pairs} pairs, {len(made.edges)} links, "
+        f"{made.num_places} places",
+        *([f"note: {note}"] if note else []),
+        "",
+        f"{'place':>5}{'images':>9}  linked with",
+    ]
+    for about in content["places"][:SHOWN]:
+        others = ", ".join(map(str, about["linked_places"])) or "none"
+        lines.append(f"{about['place']:>5}{len(about['images']):>9}  {others}")
+    if made.num_places > SHOWN:
+        lines.append(f"and {made.num_places - SHOWN} smaller ones, see places.json")
+    return "\n".join(lines)
+
+
+def _above_zero(text: str) -> float:
+    """Parse a number above zero."""
+    value = float(text)
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"expected a number above 0, got {text}")
+    return value

@@ -1,0 +1,403 @@
+"""A topological map: images as nodes, probable links as edges, places as communities of nodes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pflut._files import replacing
+from pflut.geometry import FloatArray
+from pflut.mapping.constraint import KINDS
+from pflut.mapping.links import Links
+
+if TYPE_CHECKING:
+    import networkx
+
+FORMAT = "pflut topological map"
+VERSION = 1
+HOP = 0.01
+"""Cost of a link in a path, besides minus the log of its probability: of sure ways the shorter."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TopologicalMap:
+    """Images, N of them, and the m links between them that are probable enough.
+
+    It knows no distances, and needs no poses: from an image it says which others show the same
+    place, and in which direction they were taken.
+
+    Parameters
+    ----------
+    places : array_like of shape (N,), int
+        The place of each image, numbers from 0.
+    edges : array_like of shape (m, 2), int
+        The images of each link, the smaller index first.
+    probability : array_like of shape (m,)
+        Of the links, in (0, 1].
+    headings : array_like of shape (m, 2)
+        The direction to the other image, in the robot's frame at each of the two; radians, NaN
+        where it is not known.
+    rotation : array_like of shape (m,)
+        Heading at the second image minus that at the first, radians; NaN where it is not known.
+    names : sequence of N str, optional
+        Of the images. Default: their numbers.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not fit, or a value is out of its range.
+    """
+
+    places: NDArray[np.int64]
+    edges: NDArray[np.int64]
+    probability: FloatArray
+    headings: FloatArray
+    rotation: FloatArray
+    names: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("places", "edges"):
+            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), np.int64))
+        for name in ("probability", "headings", "rotation"):
+            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), np.float64))
+        n, m = np.size(self.places), np.size(self.probability)
+        names = tuple(map(str, self.names)) or tuple(map(str, range(n)))
+        object.__setattr__(self, "names", names)
+        shapes = {"places": (n,), "edges": (m, 2), "probability": (m,), "rotation": (m,)}
+        for name, shape in (shapes | {"headings": (m, 2)}).items():
+            if getattr(self, name).shape != shape:
+                raise ValueError(f"{name}: expected shape {shape}, got {getattr(self, name).shape}")
+        if not n:
+            raise ValueError("places: expected those of at least one image, got none")
+        if len(names) != n:
+            raise ValueError(f"names: expected {n}, one an image, got {len(names)}")
+        if set(self.places.tolist()) != set(range(int(self.places.max()) + 1)):
+            raise ValueError("places: expected all numbers from 0 on")
+        if m and (
+            self.edges.min() < 0 or self.edges.max() >= n or (np.diff(self.edges) <= 0).any()
+        ):
+            raise ValueError(f"edges: expected two of {n} images, the smaller index first")
+        if len(np.unique(self.edges, axis=0)) < m:
+            raise ValueError("edges: expected each link once")
+        if not ((self.probability > 0.0) & (self.probability <= 1.0)).all():
+            raise ValueError("probability: expected numbers in (0, 1]")
+        if np.isinf(self.headings).any() or np.isinf(self.rotation).any():
+            raise ValueError("headings, rotation: expected radians, or NaN where not known")
+
+    def __len__(self) -> int:
+        """Return the number of images."""
+        return len(self.places)
+
+    @property
+    def num_places(self) -> int:
+        """How many places there are."""
+        return int(self.places.max()) + 1
+
+    @classmethod
+    def from_links(
+        cls,
+        links: Links,
+        num_images: int,
+        *,
+        min_probability: float = 0.5,
+        resolution: float = 1.0,
+        names: Sequence[str] = (),
+        rng: np.random.Generator | int = 0,
+    ) -> TopologicalMap:
+        """Make a map of links, and find its places.
+
+        Places are communities: images that are linked with each other more than with the rest, by
+        Louvain's method on the links' probabilities. The largest is number 0. An image without a
+        link is a place of its own.
+
+        Parameters
+        ----------
+        links : Links
+        num_images : int
+        min_probability : float
+            In (0, 1): less probable links are left out.
+        resolution : float
+            Positive: more makes smaller places.
+        names : sequence of str, optional
+            Of the images.
+        rng : numpy.random.Generator or int
+            Louvain's method visits the images in a random order.
+
+        Returns
+        -------
+        TopologicalMap
+
+        Raises
+        ------
+        ValueError
+            If an option is out of its range, or a link is of an image beyond the last one.
+        ImportError
+            If networkx is not installed.
+
+        References
+        ----------
+        Blondel, Guillaume, Lambiotte, Lefebvre, "Fast unfolding of communities in large networks"
+        (2008).
+        """
+        if not 0.0 < min_probability < 1.0:
+            raise ValueError(f"min_probability: expected in (0, 1), got {min_probability}")
+        if not 0.0 < resolution < np.inf:
+            raise ValueError(f"resolution: expected a positive number, got {resolution}")
+        if len(links) and links.indices.max() >= num_images:
+            raise ValueError(f"num_images: {num_images}, but image {links.indices.max()} is linked")
+        probable = links[links.probability >= min_probability].ordered()
+        headings, rotation = _directions(probable)
+        alone = cls(
+            places=np.arange(num_images),
+            edges=probable.indices,
+            probability=probable.probability,
+            headings=headings,
+            rotation=rotation,
+            names=tuple(names),
+        )
+        return alone.with_places(resolution=resolution, rng=rng)
+
+    def with_places(
+        self, *, resolution: float = 1.0, rng: np.random.Generator | int = 0
+    ) -> TopologicalMap:
+        """Return the same map with places found anew, see `from_links`."""
+        found = _networkx().community.louvain_communities(
+            self.to_networkx(), weight="probability", resolution=resolution, seed=rng
+        )
+        places = np.empty(len(self), np.int64)
+        for place, members in enumerate(sorted(found, key=lambda those: (-len(those), min(those)))):
+            places[list(members)] = place
+        return replace(self, places=places)
+
+    def members(self, place: int) -> NDArray[np.intp]:
+        """Give the images of a place, in their order."""
+        return np.flatnonzero(self.places == place)
+
+    def neighbours(self, image: int) -> NDArray[np.int64]:
+        """Give the images that an image is linked with, the most probable first.
+
+        Parameters
+        ----------
+        image : int
+
+        Returns
+        -------
+        ndarray of shape (k,), int
+        """
+        rows = np.flatnonzero((self.edges == self._checked(image)).any(axis=1))
+        others: NDArray[np.int64] = self.edges[rows].sum(axis=1) - image
+        return np.asarray(others[np.argsort(-self.probability[rows], kind="stable")])
+
+    def heading(self, image: int, neighbour: int) -> float:
+        """Say in which direction a neighbour of an image was taken.
+
+        Parameters
+        ----------
+        image, neighbour : int
+
+        Returns
+        -------
+        float
+            Radians in the robot's frame at the image; NaN where the link does not tell, as that of
+            two images taken at the same spot.
+
+        Raises
+        ------
+        ValueError
+            If the two are not linked.
+        """
+        pair = sorted((self._checked(image), self._checked(neighbour)))
+        rows = np.flatnonzero((self.edges == pair).all(axis=1))
+        if not len(rows):
+            raise ValueError(f"images {image} and {neighbour} are not linked")
+        return float(self.headings[rows[0], int(image > neighbour)])
+
+    def shortest_path(self, start: int, goal: int) -> list[int]:
+        """Give the most probable way from one image to another along links.
+
+        Parameters
+        ----------
+        start, goal : int
+
+        Returns
+        -------
+        list of int
+            Images, the two among them; empty where there is no way. The product of the links'
+            probabilities is largest, and of ways that are all but sure there are few links.
+        """
+        networkx = _networkx()
+        graph = self.to_networkx()
+        try:
+            path: list[int] = networkx.dijkstra_path(
+                graph,
+                self._checked(start),
+                self._checked(goal),
+                weight=lambda a, b, link: HOP - np.log(link["probability"]),
+            )
+        except networkx.NetworkXNoPath:
+            return []
+        return path
+
+    def to_networkx(self) -> networkx.Graph:
+        """Give the map as a graph of networkx, for what its many algorithms can say.
+
+        Returns
+        -------
+        networkx.Graph
+            Nodes with ``name`` and ``place``; edges with ``probability`` and, where they are known,
+            ``heading_first`` and ``heading_second`` (at the image with the smaller and the larger
+            number) and ``rotation``.
+
+        Raises
+        ------
+        ImportError
+            If networkx is not installed.
+        """
+        graph = _networkx().Graph(format=FORMAT, version=VERSION)
+        for image, (name, place) in enumerate(zip(self.names, self.places.tolist(), strict=True)):
+            graph.add_node(image, name=name, place=place)
+        known = np.column_stack([self.headings, self.rotation])
+        rows = zip(self.edges.tolist(), self.probability.tolist(), known.tolist(), strict=True)
+        for (first, second), probability, angles in rows:
+            named = zip(("heading_first", "heading_second", "rotation"), angles, strict=True)
+            about = {name: angle for name, angle in named if not np.isnan(angle)}
+            graph.add_edge(first, second, probability=probability, **about)
+        return graph
+
+    def layout(self, *, rng: np.random.Generator | int = 0) -> FloatArray:
+        """Place the images for drawing where nothing is known of their poses.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator or int
+            The same seed gives the same picture.
+
+        Returns
+        -------
+        ndarray of shape (N, 2)
+            Linked images near each other; without a unit, and no map of the world.
+
+        Raises
+        ------
+        ImportError
+            If networkx or SciPy is not installed.
+        """
+        found = _networkx().spring_layout(self.to_networkx(), weight="probability", seed=rng)
+        return np.array([found[image] for image in range(len(self))], dtype=np.float64)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the map to a GraphML file, atomically.
+
+        Programs that draw and explore graphs read GraphML (Gephi, Cytoscape, yEd, igraph), with
+        names and types of what is known of nodes and edges; networkx' own JSON only networkx reads.
+
+        Parameters
+        ----------
+        path : path
+        """
+        networkx, graph = _networkx(), self.to_networkx()
+        with replacing(path) as temporary, temporary.open("wb") as file:
+            # that of the standard library, whether or not another XML library is installed
+            networkx.write_graphml_xml(graph, file)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> TopologicalMap:
+        """Read what `save` wrote.
+
+        Parameters
+        ----------
+        path : path
+
+        Returns
+        -------
+        TopologicalMap
+
+        Raises
+        ------
+        ValueError
+            If the file is none, of another version, or damaged.
+        FileNotFoundError
+            If there is no such file.
+        ImportError
+            If networkx is not installed.
+        """
+        networkx = _networkx()
+        try:
+            with Path(path).open("rb") as file:
+                graph = networkx.read_graphml(file, node_type=int)
+        except (SyntaxError, ValueError, KeyError, TypeError, networkx.NetworkXError) as error:
+            raise ValueError(f"{path}: no GraphML, or damaged: {error}") from None
+        if graph.graph.get("format") != FORMAT:
+            raise ValueError(f"{path}: not a {FORMAT}")
+        version = graph.graph.get("version")
+        if version != VERSION:
+            raise ValueError(f"{path}: topological map version {version}, expected {VERSION}")
+        try:
+            return _from_networkx(graph)
+        except (ValueError, KeyError, TypeError) as error:
+            raise ValueError(f"{path}: damaged {FORMAT}: {error}") from error
+
+    def _checked(self, image: int) -> int:
+        if not 0 <= image < len(self):
+            raise ValueError(f"image: expected 0 to {len(self) - 1}, got {image}")
+        return int(image)
+
+
+def _directions(links: Links) -> tuple[FloatArray, FloatArray]:
+    """Give the headings and the rotations that the constraints of links name, NaN for the others.
+
+    Of two opposite headings none is named.
+    """
+    headings, rotation = np.full((len(links), 2), np.nan), np.full(len(links), np.nan)
+    for link, kind in enumerate(links.kind):
+        if KINDS[kind] == "none":
+            continue
+        constraint = links.constraint(link)
+        rotation[link] = constraint.rotation().mean
+        if KINDS[kind] == "pose" and len(constraint.mixture.weights):
+            headings[link] = constraint.mixture.means[np.argmax(constraint.mixture.weights)]
+    return headings, rotation
+
+
+def _from_networkx(graph: networkx.Graph) -> TopologicalMap:
+    """Read the attributes of nodes and edges."""
+    nodes = sorted(graph.nodes)
+    if nodes != list(range(len(nodes))):
+        raise ValueError(f"expected nodes 0 to {len(nodes) - 1}")
+    rows: list[tuple[int, int, dict[str, Any]]] = sorted(
+        (min(a, b), max(a, b), about) for a, b, about in graph.edges(data=True)
+    )
+
+    def column(name: str, missing: float | None = None) -> list[float]:
+        return [about[name] if missing is None else about.get(name, missing) for *_, about in rows]
+
+    unknown = float("nan")
+    return TopologicalMap(
+        places=np.array([graph.nodes[node]["place"] for node in nodes]),
+        edges=np.array([row[:2] for row in rows], np.int64).reshape(-1, 2),
+        probability=np.array(column("probability")),
+        headings=np.column_stack(
+            [column("heading_first", unknown), column("heading_second", unknown)]
+        ).reshape(-1, 2),
+        rotation=np.array(column("rotation", unknown)),
+        names=tuple(graph.nodes[node]["name"] for node in nodes),
+    )
+
+
+def _networkx() -> ModuleType:
+    """Import networkx, or say what is missing."""
+    try:
+        import networkx
+    except ImportError:
+        raise ImportError(
+            "topological map: expected networkx, got none; pip install 'pflut[mapping]'"
+        ) from None
+    module: ModuleType = networkx
+    return module

@@ -1,0 +1,86 @@
+"""``pflut map places``: of a folder of links, of a dataset, without poses, and wrong input."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import Run, refused
+
+from pflut.datasets.folder import load_folder, write_folder
+from pflut.mapping.links import Links
+from pflut.mapping.topological_map import TopologicalMap
+
+pytestmark = pytest.mark.usefixtures("own_folder")
+OPTIONS = ("--jobs", 1, "--bins", 32)
+
+
+def test_of_a_folder_of_links(run: Run) -> None:
+    assert run("map", "links", "simulated-home", *OPTIONS, "--output", "links").code == 0
+    outcome = run("map", "places", "links", "--output", "out")
+    assert outcome.code == 0 and outcome.err == ""
+    links, made = Links.load("links/links.npz"), TopologicalMap.load("out/topological_map.graphml")
+    probable = links.probability >= 0.5
+    assert np.array_equal(made.edges, links.indices[probable])
+    lines = outcome.out.splitlines()
+    assert lines[0].endswith(
+        f"24 images, 276 pairs, {probable.sum()} links, {made.num_places} places"
+    )
+    assert lines[-1] == "results: out" and "note" not in outcome.out
+    content = json.loads(Path("out/places.json").read_text())
+    assert [about["place"] for about in content["places"]] == list(range(made.num_places))
+    for about in content["places"]:
+        assert about["images"] == [made.names[k] for k in made.members(about["place"])]
+    across = made.places[made.edges][:, 0] != made.places[made.edges][:, 1]
+    assert content["links_between_places"] == across.sum()
+    assert made.names == tuple(json.loads(Path("links/run.json").read_text())["images"])
+    assert Path("out/figures/places.png").stat().st_size > 10_000
+    # a link of every probability more, and smaller places
+    outcome = run(
+        *("map", "places", "links", "--output", "fine", "--no-figures"),
+        *("--min-probability", 0.9, "--resolution", 4),
+    )
+    fine = TopologicalMap.load("fine/topological_map.graphml")
+    assert len(fine.edges) == (links.probability >= 0.9).sum()
+    assert fine.num_places >= made.num_places and not Path("fine/figures").exists()
+
+
+def test_of_a_dataset_without_true_poses(run: Run, room_folder: Path) -> None:
+    room = load_folder(room_folder)
+    write_folder(
+        Path("plain"),
+        camera=room.camera,
+        stamps=room.stamps[:6],
+        images=(room.image(k) for k in range(6)),
+        odometry=room.ground_truth[:6],
+        name="Plain",
+    )
+    outcome = run("map", "places", "plain", *OPTIONS, "--output", "out")
+    assert outcome.code == 0
+    assert "Plain: 6 images, 15 pairs" in outcome.out and "drawn where odometry says" in outcome.out
+    assert {path.name for path in Path("out").iterdir()} == {
+        *("links.npz", "settings.json", "run.json"),
+        *("places.json", "topological_map.graphml", "figures"),
+    }
+    # the folder holds links: it serves as such, and the dataset may be gone
+    Path("plain").rename("gone")
+    again = run("map", "places", "out", "--output", "again")
+    assert again.code == 0 and "note: no poses are known" in again.out
+    assert again.out.splitlines()[2:-1] == outcome.out.splitlines()[2:-1]
+    assert Path("again/figures/places.png").stat().st_size > 10_000
+
+
+def test_wrong_input(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    refused(run("map", "places", "nowhere"), "nowhere")
+    for option in ("--min-probability", "--resolution"):
+        assert run("map", "places", "nowhere", option, 0).code == 2
+    Path("links").mkdir()
+    Links.concatenate([]).save("links/links.npz")
+    Path("links/run.json").write_text("{}")
+    refused(run("map", "places", "links"), "run.json: names no images")
+    Path("links/run.json").write_text('{"images": ["a", "b"], "dataset": "none"}')
+    refused(run("map", "places", "links", "--output", "links"), "links: holds something already")
+    monkeypatch.setitem(__import__("sys").modules, "networkx", None)
+    refused(run("map", "places", "links", "--output", "out"), "pip install 'pflut[mapping]'")
