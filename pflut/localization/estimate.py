@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pflut._cells import COORDINATE_MASK, EMPTY, cell_key, empty_table, find_cell, heading_cell
 from pflut._jit import jit
 from pflut.geometry import TWO_PI, FloatArray, as_poses, wrap_to_pi
-from pflut.localization.resampling import systematic_indices
+from pflut.localization.resampling import systematic_indices, take
 from pflut.localization.weights import Weights
 
 METHODS = ("cluster", "mean")
@@ -20,17 +20,16 @@ METHODS = ("cluster", "mean")
 CONFIDENCE_RADIUS = 0.5
 CONFIDENCE_ANGLE = np.deg2rad(10.0)
 
-# the coarse histogram, and how many draws from the particles it sees
+# the coarse histogram
 CELL_SIZE = 0.5
 CELLS_OF_HEADING = 18
-MAX_DRAWS = 1024
+# so many draws from the particles suffice to find where most of them are
+MAX_DRAWS = 2048
 
 # the mean's window, at least; and how often it may move
 WINDOW_RADIUS = 1.0
 WINDOW_ANGLE = np.deg2rad(30.0)
 MAX_PASSES = 12
-# so many particles suffice to find it
-MAX_LOOKED_AT = 2048
 # what holds less of the weight is no cluster but a chance neighbourhood of a lost robot
 SMALLEST_CLUSTER = 0.05
 
@@ -186,26 +185,25 @@ def _mean(poses: FloatArray, weights: FloatArray, out: FloatArray) -> None:
 @jit
 def _vote(
     poses: FloatArray,
-    indices: NDArray[np.int32],
     cell: float,
     cells_of_heading: int,
     keys: NDArray[np.int64],
     votes: NDArray[np.int32],
     out: FloatArray,
 ) -> None:
-    """Write the center of the cell with most votes, its neighbours' counting less: O(draws).
+    """Write the center of the cell with most votes, its neighbours' counting less: O(N).
 
-    ``keys`` is an empty hash table for as many cells, ``votes`` (zeros) belongs to it.
+    ``keys`` is an empty hash table for as many cells as poses, ``votes`` (zeros) belongs to it.
     """
-    left, bottom = poses[indices[0], 0], poses[indices[0], 1]
-    for i in range(indices.shape[0]):
-        left = min(left, poses[indices[i], 0])
-        bottom = min(bottom, poses[indices[i], 1])
-    for i in range(indices.shape[0]):
+    left, bottom = poses[0, 0], poses[0, 1]
+    for i in range(poses.shape[0]):
+        left = min(left, poses[i, 0])
+        bottom = min(bottom, poses[i, 1])
+    for i in range(poses.shape[0]):
         # +1: the neighbours of the first cells have coordinates that are not negative, too
-        x = (int((poses[indices[i], 0] - left) / cell) + 1) & COORDINATE_MASK
-        y = (int((poses[indices[i], 1] - bottom) / cell) + 1) & COORDINATE_MASK
-        h = heading_cell(poses[indices[i], 2], cells_of_heading)
+        x = (int((poses[i, 0] - left) / cell) + 1) & COORDINATE_MASK
+        y = (int((poses[i, 1] - bottom) / cell) + 1) & COORDINATE_MASK
+        h = heading_cell(poses[i, 2], cells_of_heading)
         place = find_cell(x, y, h, keys)
         keys[place] = cell_key(x, y, h)
         votes[place] += 1
@@ -229,14 +227,12 @@ def _vote(
 
 
 @jit
-def _settle(poses: FloatArray, weights: FloatArray, center: FloatArray, window: FloatArray) -> None:
+def _settle(poses: FloatArray, center: FloatArray, window: FloatArray) -> None:
     """Shift a window to the mean of what it holds, let it grow to its spread, until it rests.
 
     ``center`` (3,) and ``window`` (2,), its radius and angle, are changed.
     """
-    sums, total = np.empty((4, 4)), 0.0
-    for i in range(weights.shape[0]):
-        total += weights[i]
+    sums, weights = np.empty((4, 4)), np.full(poses.shape[0], 1.0 / poses.shape[0])
     for _ in range(MAX_PASSES):
         _moments(poses, weights, center, window[0], window[1], sums)
         share = sums[0, 0]
@@ -247,7 +243,7 @@ def _settle(poses: FloatArray, weights: FloatArray, center: FloatArray, window: 
             farthest = max(farthest, abs(sums[0, k + 1] / share))
             center[k] += sums[0, k + 1] / share
         rests = farthest < 1e-3
-        if share >= SMALLEST_CLUSTER * total:
+        if share >= SMALLEST_CLUSTER:
             x, y, h = sums[0, 1] / share, sums[0, 2] / share, sums[0, 3] / share
             variance = max(sums[1, 1] / share - x * x, sums[2, 2] / share - y * y)
             radius = 3.0 * np.sqrt(max(variance, 0.0))
@@ -258,18 +254,12 @@ def _settle(poses: FloatArray, weights: FloatArray, center: FloatArray, window: 
             break
 
 
-def _heaviest_cell(poses: FloatArray, weights: FloatArray) -> FloatArray:
-    """Find the center of the heaviest cell of a coarse histogram over (x, y, heading).
-
-    The histogram counts draws from the particles (a comb with a fixed tooth: the same particles
-    give the same cell), so its cost does not grow with their number.
-    """
-    draws = min(len(poses), MAX_DRAWS)
-    keys = empty_table(draws)
+def _fullest_cell(poses: FloatArray) -> FloatArray:
+    """Find the center of the fullest cell of a coarse histogram over (x, y, heading)."""
+    keys = empty_table(len(poses))
     votes = np.zeros(keys.shape, dtype=np.int32)
     center = np.empty(3)
-    indices = systematic_indices(weights, draws, 0.5)
-    _vote(poses, indices, CELL_SIZE, CELLS_OF_HEADING, keys, votes, center)
+    _vote(poses, CELL_SIZE, CELLS_OF_HEADING, keys, votes, center)
     return center
 
 
@@ -324,15 +314,11 @@ def heaviest_cluster(poses: FloatArray, weights: FloatArray) -> Cluster:
     weights : ndarray of shape (N,)
         >= 0, not all zero, their sum at most one.
     """
-    stride = -(-len(poses) // MAX_LOOKED_AT)
-    seen, some = poses, weights
-    if stride > 1 and weights[::stride].any():
-        # the window is found with some of very many, what it holds with all
-        seen = np.ascontiguousarray(poses[::stride])
-        some = np.ascontiguousarray(weights[::stride])
-    center = _heaviest_cell(seen, some)
-    window = np.array([WINDOW_RADIUS, WINDOW_ANGLE])
-    _settle(seen, some, center, window)
+    # draws with a fixed tooth: the same particles give the same cluster, and what it costs to look
+    # for it does not grow with their number
+    drawn = take(poses, systematic_indices(weights, min(len(poses), MAX_DRAWS), 0.5))
+    center, window = _fullest_cell(drawn), np.array([WINDOW_RADIUS, WINDOW_ANGLE])
+    _settle(drawn, center, window)
     radius, angle = window.tolist()
     share, mean, covariance = _window(poses, weights, center, radius, angle)
     return Cluster(share, mean, covariance, radius, angle)
