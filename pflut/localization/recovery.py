@@ -79,7 +79,7 @@ class Recovery:
     """
 
     proposal: PoseProposal
-    probability: float = 1e-5
+    probability: float = 0.001
     share: float = 0.1
     alpha_slow: float = 0.0
     alpha_fast: float = 0.0

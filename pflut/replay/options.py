@@ -100,7 +100,7 @@ class ReplayOptions:
         choices=("references", "uniform", "none"),
     )
     kidnap_probability: float = _option(
-        1e-5, "that the robot was carried away between two images", "recovery", "(0, 1)"
+        0.001, "that the robot was carried away between two images", "recovery", "(0, 1)"
     )
     proposal_share: float = _option(
         0.1, "poses proposed an image, as a share of the particles", "recovery", "(0, 1]"
