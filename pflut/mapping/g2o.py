@@ -109,10 +109,13 @@ def as_pose_edge(graph: PoseGraph, link: int) -> tuple[FloatArray, FloatArray] |
     Returns
     -------
     motion : ndarray of shape (3,)
-        Of R in L's frame, or None where the link has no component.
+        Of R in L's frame, or None where the link holds nothing: it is of the kind "none", or has
+        no component.
     information : ndarray of shape (3, 3)
         In the frame after the motion. A distance has a standard deviation as large as itself.
     """
+    if KINDS[graph.links.kind[link]] == "none":
+        return None
     mixture = graph.links.mixture(link)
     left, right = graph.poses[graph.link_nodes[link]]
     theta, phi, distance = relative_headings(left, right)

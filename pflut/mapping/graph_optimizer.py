@@ -47,7 +47,8 @@ class OptimizedGraph:
     graph : PoseGraph
         With its nodes at the optimum.
     link_probability : ndarray of shape (m,)
-        That each link is right, after seeing all others.
+        That each link is right, after seeing all others; zero of those of the kind "none", which
+        hold nothing.
     shares : ndarray of shape (c,)
         Of that, the part of each component: first the modes of all links, then their bands.
     cost : float
