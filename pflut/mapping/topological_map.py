@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pflut._files import replacing
-from pflut.geometry import FloatArray
+from pflut.geometry import FloatArray, rotation_from_headings
 from pflut.mapping.constraint import KINDS
 from pflut.mapping.links import Links
 
@@ -353,16 +353,19 @@ class TopologicalMap:
 def _directions(links: Links) -> tuple[FloatArray, FloatArray]:
     """Give the headings and the rotations that the constraints of links name, NaN for the others.
 
-    Of two opposite headings none is named.
+    Of two opposite headings none is named. Where the headings are, the rotation is theirs: that of
+    the whole mixture may be another mode's.
     """
     headings, rotation = np.full((len(links), 2), np.nan), np.full(len(links), np.nan)
     for link, kind in enumerate(links.kind):
         if KINDS[kind] == "none":
             continue
         constraint = links.constraint(link)
-        rotation[link] = constraint.rotation().mean
         if KINDS[kind] == "pose" and len(constraint.mixture.weights):
-            headings[link] = constraint.mixture.means[np.argmax(constraint.mixture.weights)]
+            headings[link] = constraint.mixture.merged_modes()[1][0]
+            rotation[link] = rotation_from_headings(*headings[link])
+        else:
+            rotation[link] = constraint.rotation().mean
     return headings, rotation
 
 
