@@ -101,5 +101,5 @@ def test_places_that_run_out_are_refused() -> None:
     # one link: another place can be linked with its two images only
     poses = loop(12) * [4.0, 4.0, 1.0]
     pair = simulated_graph(loop(12), None).links[:1]
-    with pytest.raises(ValueError, match="than there are, got 0.96: 24 wanted, [0-9]+ of the"):
+    with pytest.raises(ValueError, match=r"than there are, got 0.96: 24 wanted, [0-9]+ of the"):
         with_false_links(pair, poses, 0.96, "place", rng=0)

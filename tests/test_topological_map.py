@@ -169,7 +169,7 @@ def test_the_file(tmp_path: Path) -> None:
     # any program reads it
     graph = networkx.read_graphml(path)
     assert graph.nodes["3"] == {"name": "image 3 & <ü>", "place": 1}
-    assert graph.edges["0", "1"]["heading_first"] == made.headings[0, 0]
+    assert graph.edges["0", "1"]["heading_l"] == made.headings[0, 0]
     assert "rotation" not in graph.edges["0", "2"]
     alone = TopologicalMap.from_links(links_of([]), 1)
     alone.save(path)
