@@ -133,16 +133,15 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _errors(drive: Dataset, graph: PoseGraph, found: OptimizedGraph) -> dict[str, MapErrors]:
     """Compare odometry and the map with the truth, where two true poses at least are known."""
-    import numpy as np
-
+    from pflut.cli.map_frame import truth_known
     from pflut.mapping.map_errors import MapErrors
 
-    truth = drive.ground_truth
-    if truth is None or np.isfinite(truth).all(axis=1).sum() < 2:
+    if not truth_known(drive):
         return {}
+    trajectories = {"odometry": graph.poses, "pose_graph": found.poses}
     return {
-        "odometry": MapErrors.of(graph.poses, truth),
-        "pose_graph": MapErrors.of(found.poses, truth),
+        name: MapErrors.of(poses, drive.ground_truth)  # type: ignore[arg-type]
+        for name, poses in trajectories.items()
     }
 
 
@@ -158,7 +157,6 @@ def _write(
     import numpy as np
 
     from pflut._files import write_json
-    from pflut.alignment import align_poses
     from pflut.mapping.g2o import write_g2o
     from pflut.trajectory import Trajectory, write_tum
 
@@ -181,12 +179,24 @@ def _write(
     write_json(folder / "metrics.json", metrics)
     if arguments.no_figures:
         return
+    title = f"{drive.name}: {len(drive)} images, {len(believed)} links"
+    _draw(folder, drive, graph, found, title)
+
+
+def _draw(
+    folder: Path, drive: Dataset, graph: PoseGraph, found: OptimizedGraph, title: str
+) -> None:
+    """Write the figure: over the floor plan only where the truth says how the map lies in it."""
+    from pflut.alignment import align_poses
+    from pflut.cli.map_frame import WITHOUT_TRUTH, truth_known, without_plan
     from pflut.plot import save_figure
     from pflut.plot.pose_graph import plot_pose_graph
 
-    shown = [found.poses, graph.poses]
-    if errors:
+    shown, truth, note = [found.poses, graph.poses], drive.ground_truth, None
+    if truth_known(drive):
         shown = [align_poses(poses, truth) for poses in shown]  # type: ignore[arg-type]
+    else:
+        drive, truth, note = without_plan(drive, found.poses), None, WITHOUT_TRUTH
     (folder / "figures").mkdir(exist_ok=True)
     save_figure(
         plot_pose_graph(
@@ -196,7 +206,8 @@ def _write(
             found.link_probability,
             odometry=shown[1],
             ground_truth=truth,
-            title=f"{drive.name}: {len(drive)} images, {len(believed)} links",
+            note=note,
+            title=title,
         ),
         folder / "figures" / "map.png",
     )
@@ -204,6 +215,8 @@ def _write(
 
 def _report(drive: Dataset, found: OptimizedGraph, errors: dict[str, MapErrors]) -> str:
     """Say what the map is made of and how wrong it is."""
+    from pflut.cli.map_frame import WITHOUT_TRUTH
+
     links = found.graph.links
     lines = [
         f"{drive.name}: {len(drive)} images, {len(links)} pairs, "
@@ -211,7 +224,9 @@ def _report(drive: Dataset, found: OptimizedGraph, errors: dict[str, MapErrors])
     ]
     if not found.converged:
         lines.append("note: the poses still moved by more than a millimetre when the search ended")
-    if errors:
+    if not errors:
+        lines.append(f"note: {WITHOUT_TRUTH}")
+    else:
         lines += [
             "",
             f"{'':<12}{'position':>10}{'largest':>10}{'from start':>12}{'heading':>10}",
