@@ -120,4 +120,4 @@ def _poisson(expected: float) -> FloatArray:
     with np.errstate(divide="ignore"):
         logs = np.cumsum(np.concatenate([[-expected], np.log(expected / hops)]))
     shares = np.exp(logs)
-    return shares[: np.flatnonzero(shares > REST)[-1] + 1]
+    return np.asarray(shares[: np.flatnonzero(shares > REST)[-1] + 1])
