@@ -116,6 +116,8 @@ def test_wrong_input(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     assert run("map", "build").code == 2
     assert run(*BUILD, "--images", "some").code == 2
     assert run(*BUILD, "--seed", -1).code == 2
+    refusal = run(*BUILD, "--seed", 1)
+    assert refusal.code == 2 and "--seed: only allowed with --simulate-odometry" in refusal.err
     refused(run(*BUILD, "--max-images", 1), "expected 2 images with odometry, got 1")
     monkeypatch.setitem(sys.modules, "scipy", None)
     refused(run(*BUILD, "--max-images", 3), "pip install 'pflut[mapping]'")

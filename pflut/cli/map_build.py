@@ -71,7 +71,7 @@ def add_parser(actions: Subparsers) -> None:
         help="simulate odometry from the ground truth, even where the dataset has some",
     )
     parser.add_argument(
-        "--seed", metavar="N", type=natural, default=0, help="of it (default: %(default)s)"
+        "--seed", metavar="N", type=natural, help="of --simulate-odometry (default: 0)"
     )
     parser.add_argument(
         "--max-images", metavar="N", type=positive, help="the first N images (default: all)"
@@ -89,6 +89,9 @@ def add_parser(actions: Subparsers) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Build the map, write it and print how good it is."""
+    if arguments.seed is not None and not arguments.simulate_odometry:
+        arguments.parser.error("argument --seed: only allowed with --simulate-odometry")
+    arguments.seed = arguments.seed or 0
     options = replay_options(arguments)
 
     from pflut._files import write_json
