@@ -78,6 +78,28 @@ def in_processes(
         pool.shutdown(cancel_futures=True)
 
 
+def refuse_while_importing(name: str) -> None:
+    """Refuse to start processes in one that only imports the script of the process it works for.
+
+    Such a script lacks ``if __name__ == "__main__":``, and would do everything once more.
+
+    Parameters
+    ----------
+    name : str
+        Of what starts processes, for the error message.
+
+    Raises
+    ------
+    RuntimeError
+        If this is such a process.
+    """
+    # what multiprocessing itself asks, when it is too late: files have been written by then
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        raise RuntimeError(
+            f"{name}: with more than one process the script needs: if __name__ == '__main__':"
+        )
+
+
 def same_settings(path: Path, settings: Mapping[str, Any], what: str) -> None:
     """Refuse to mix results of different settings in one folder.
 

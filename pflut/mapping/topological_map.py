@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pflut._extras import require
 from pflut._files import replacing
 from pflut.geometry import FloatArray
 from pflut.mapping.constraint import KINDS
@@ -393,11 +394,4 @@ def _from_networkx(graph: networkx.Graph) -> TopologicalMap:
 
 def _networkx() -> ModuleType:
     """Import networkx, or say what is missing."""
-    try:
-        import networkx
-    except ImportError:
-        raise ImportError(
-            "topological map: expected networkx, got none; pip install 'pflut[mapping]'"
-        ) from None
-    module: ModuleType = networkx
-    return module
+    return require("networkx", extra="mapping", what="topological map")
