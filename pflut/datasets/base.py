@@ -185,6 +185,30 @@ class Dataset:
         """Whether images are both references and queries."""
         return bool(np.intersect1d(self.reference_indices, self.query_indices).size)
 
+    def select(self, indices: ArrayLike) -> Dataset:
+        """Return a dataset of some of the images, without references: all are queries.
+
+        Parameters
+        ----------
+        indices : array_like of int
+            Of the images, in ascending order.
+
+        Returns
+        -------
+        Dataset
+        """
+        chosen = np.asarray(indices, dtype=np.intp)
+        truth, odometry = self.ground_truth, self.odometry
+        return replace(
+            self,
+            stamps=self.stamps[chosen],
+            image_paths=tuple(self.image_paths[index] for index in chosen.tolist()),
+            ground_truth=None if truth is None else truth[chosen],
+            odometry=None if odometry is None else odometry[chosen],
+            reference_indices=_no_indices(),
+            query_indices=np.arange(len(chosen), dtype=np.intp),
+        )
+
     def with_references(self, references: References) -> Dataset:
         """Return the same dataset with other references.
 
