@@ -79,6 +79,10 @@ def test_wrong_input(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     assert run("map", "build").code == 2
     assert run(*BUILD, "--images", "some").code == 2
     assert run(*BUILD, "--seed", -1).code == 2
+    outcome = run(*BUILD, "--seed", 3)
+    assert outcome.code == 2 and "only allowed with --simulate-odometry" in outcome.err
     refused(run(*BUILD, "--max-images", 1), "expected 2 images with odometry, got 1")
-    monkeypatch.setitem(sys.modules, "scipy", None)
+    monkeypatch.setitem(sys.modules, "scipy.sparse", None)
     refused(run(*BUILD, "--max-images", 3), "pip install 'pflut[mapping]'")
+    # before the work
+    assert not Path("out").exists()
