@@ -207,6 +207,28 @@ def test_images_of_one_room_are_alike() -> None:
     assert len(pairs) >= 15 and (np.diff(pairs) % 2 == 0).all()
 
 
+@pytest.mark.parametrize("dark", [range(32), range(0, 300, 3), range(300)])
+def test_images_in_the_dark_are_like_no_other(dark: range) -> None:
+    """A whole block of them has descriptors of no kind; so may have all that words are made of."""
+    rng = np.random.default_rng(0)
+    bits = rng.normal(size=(20, 16)).astype(np.float32)
+    looks = {k: bits + rng.normal(0.0, 0.1, bits.shape).astype(np.float32) for k in range(300)}
+    looks |= dict.fromkeys(dark, np.empty((0, 1), np.float32))
+    signatures = image_signatures(lambda image: looks[image], 300)
+    assert signatures.shape[0] == 300 and not signatures[list(dark)].any()
+    lengths = np.linalg.norm(np.delete(signatures, list(dark), axis=0), axis=1)
+    assert lengths == pytest.approx(np.ones(300 - len(dark)), abs=1e-5)
+
+
+def test_a_block_in_the_dark_beside_others(
+    features: list[Features], link: Callable[..., Links], tmp_path: Path
+) -> None:
+    many = [*[features[0][:0]] * BLOCK, *features[1:4]]
+    links = link(tmp_path, features=many, max_candidates=1, batch_size=100)
+    seen = (links.indices >= BLOCK).all(axis=1)
+    assert links.num_matches[seen].min() > 20 and links.num_matches[~seen].max() == 0
+
+
 def test_proposals_of_less_than_none() -> None:
     for name in ("max_candidates", "neighbours"):
         with pytest.raises(ValueError, match=f"{name}: expected at least 0, got -1"):

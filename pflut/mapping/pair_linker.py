@@ -152,10 +152,6 @@ class PairLinker:
         found = [Correspondences.empty()] * len(pairs)
         for query in np.unique(pairs[:, 1]):
             rows = np.flatnonzero(pairs[:, 1] == query)
-            # an image without features has descriptors of no kind
-            rows = rows[[len(features[int(image)]) > 0 for image in pairs[rows, 0]]]
-            if not len(features[int(query)]):
-                continue
             references = [features[int(image)] for image in pairs[rows, 0]]
             matches = match_many(
                 references,
