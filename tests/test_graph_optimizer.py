@@ -259,6 +259,6 @@ def test_what_is_out_of_range_is_refused(options: dict[str, object], message: st
 
 
 def test_without_scipy_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "scipy", None)
+    monkeypatch.setitem(sys.modules, "scipy.sparse", None)
     with pytest.raises(ImportError, match=r"pip install 'pflut\[mapping\]'"):
         optimize_graph(simulated_graph(loop(), None))

@@ -10,12 +10,11 @@ from pflut.cli.arguments import (
     Subparsers,
     add_dataset,
     add_verb,
-    as_json,
-    command_line,
     natural,
     positive,
     replay_options,
 )
+from pflut.cli.map_folder import add_output, needs, write_run
 from pflut.cli.map_links import add_link_options, linked
 
 if TYPE_CHECKING:
@@ -53,12 +52,7 @@ def add_parser(actions: Subparsers) -> None:
         examples=_EXAMPLES,
     )
     add_dataset(parser)
-    parser.add_argument(
-        "--output",
-        metavar="DIR",
-        type=Path,
-        help="folder of the results (default: results/<date>_<time>_<dataset>-map)",
-    )
+    add_output(parser, "map")
     parser.add_argument(
         "--images",
         choices=("all", "references", "queries"),
@@ -93,14 +87,13 @@ def run(arguments: argparse.Namespace) -> None:
         arguments.parser.error("argument --seed: only allowed with --simulate-odometry")
     arguments.seed = arguments.seed or 0
     options = replay_options(arguments)
+    needs("scipy.sparse", extra="mapping", what="pflut map build")
 
-    from pflut._files import write_json
     from pflut.cli.loading import load
     from pflut.cli.progress import Bars
     from pflut.mapping.drive_images import drive_images
     from pflut.mapping.graph_optimizer import optimize_graph
     from pflut.mapping.pose_graph import PoseGraph
-    from pflut.results import create_results_folder, run_record
 
     with Bars() as bars:
         whole = load(arguments.dataset, None, progress=bars)
@@ -111,23 +104,12 @@ def run(arguments: argparse.Namespace) -> None:
             max_images=arguments.max_images,
             seed=arguments.seed,
         )
-        begun = arguments.output is not None and (arguments.output / "settings.json").is_file()
-        folder = create_results_folder(arguments.output, f"{whole.name} map", overwrite=begun)
-        links = linked(arguments, drive, options, folder, bars)
+        links, folder = linked(arguments, drive, options, f"{whole.name} map", bars)
     graph = PoseGraph.from_odometry(drive.odometry, links)  # type: ignore[arg-type]
-    try:
-        found = optimize_graph(graph)
-    except ImportError as error:
-        raise ValueError(str(error)) from None
+    found = optimize_graph(graph)
     errors = _errors(drive, graph, found)
     _write(folder, drive, graph, found, errors, arguments)
-    record = run_record(
-        command_line(),
-        dataset=whole.name,
-        images=[path.name for path in drive.image_paths],
-        arguments=as_json(arguments),
-    )
-    write_json(folder / "run.json", record)
+    write_run(folder, arguments, whole.name, [path.name for path in drive.image_paths])
     if arguments.simulate_odometry:
         print("note: odometry is simulated from the ground truth")
     print(_report(drive, found, errors))
@@ -161,9 +143,10 @@ def _write(
 
     from pflut._files import write_json
     from pflut.mapping.g2o import write_g2o
+    from pflut.mapping.links import LINKED
     from pflut.trajectory import Trajectory, write_tum
 
-    believed = np.flatnonzero(found.link_probability > 0.5)
+    believed = np.flatnonzero(found.link_probability >= LINKED)
     write_g2o(folder / "map.g2o", found.graph, edges=believed if arguments.plain_links else None)
     truth = drive.ground_truth
     trajectories = {"poses": found.poses, "odometry": graph.poses, "groundtruth": truth}
@@ -174,7 +157,7 @@ def _write(
     metrics: dict[str, Any] = {
         "images": len(drive),
         "pairs": len(graph.links),
-        "linked": int((graph.links.probability > 0.5).sum()),
+        "linked": int((graph.links.probability >= LINKED).sum()),
         "believed": len(believed),
         "converged": found.converged,
         **{name: those.as_dict() for name, those in errors.items()},
@@ -219,11 +202,14 @@ def _draw(
 def _report(drive: Dataset, found: OptimizedGraph, errors: dict[str, MapErrors]) -> str:
     """Say what the map is made of and how wrong it is."""
     from pflut.cli.map_frame import WITHOUT_TRUTH
+    from pflut.mapping.links import LINKED
 
     links = found.graph.links
+    counts = (p >= LINKED for p in (links.probability, found.link_probability))
+    linked_pairs, believed = (int(those.sum()) for those in counts)
     lines = [
-        f"{drive.name}: {len(drive)} images, {len(links)} pairs, "
-        f"{(links.probability > 0.5).sum()} linked, {(found.link_probability > 0.5).sum()} believed"
+        f"{drive.name}: {len(drive)} images, {len(links)} pairs, {linked_pairs} linked, "
+        f"{believed} believed"
     ]
     if not found.converged:
         lines.append("note: the poses still moved by more than a millimetre when the search ended")

@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from pflut._extras import require
 from pflut.geometry import FloatArray
 from pflut.mapping.graph_residuals import MIN_DISTANCE, headings, odometry_residuals
 from pflut.mapping.link_terms import LinkTerms
@@ -268,10 +269,4 @@ def _factorized(normal: Any, damping: float) -> Any:
 
 
 def _scipy_sparse() -> Any:
-    try:
-        from scipy import sparse
-    except ImportError:
-        raise ImportError(
-            "optimize_graph: expected SciPy, got none; pip install 'pflut[mapping]'"
-        ) from None
-    return sparse
+    return require("scipy.sparse", extra="mapping", what="optimize_graph")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pflut._extras import require
 from pflut._files import replacing
 
 if TYPE_CHECKING:
@@ -88,14 +89,7 @@ def read_graphml(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 def import_networkx() -> ModuleType:
     """Import networkx, or say what is missing."""
-    try:
-        import networkx
-    except ImportError:
-        raise ImportError(
-            "topological map: expected networkx, got none; pip install 'pflut[mapping]'"
-        ) from None
-    module: ModuleType = networkx
-    return module
+    return require("networkx", extra="mapping", what="topological map")
 
 
 def _columns(graph: networkx.Graph) -> dict[str, Any]:

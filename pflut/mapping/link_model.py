@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from pflut._files import checksum, read_json, write_json
 from pflut.camera.base import Camera
 from pflut.geometry import FloatArray
+from pflut.likelihood.table import LikelihoodTable
 from pflut.mapping.link_evidence import DIRECTIONS, LinkEvidence
 from pflut.mapping.logistic import fit_logistic, logit, sigmoid
 
@@ -23,6 +24,7 @@ VERSION = 1
 RIDGE = 1.0
 """Inverse variance of the weights of standardised features, beforehand."""
 Name = Literal["panorama", "home", "perspective"]
+_OF_TABLES: dict[str, Name] = {"default": "panorama", "home": "home"}
 SHIPPED = {name: f"links_{name}.json" for name in ("panorama", "home", "perspective")}
 
 
@@ -101,7 +103,7 @@ class LinkModel:
         evidence : LinkEvidence
             Of n pairs, with the table that the model was learned with.
         prior : float, optional
-            Share in (0, 1) of linked pairs among those that are asked about: about one in four of
+            Share in (0, 1) of linked pairs among those that are asked about: about one in five of
             all pairs of a home's images, one in thousands of those of a town, most of what a
             retrieval proposes. Default: that of the pairs the model was learned from.
 
@@ -294,8 +296,34 @@ def link_model_name(table: str, camera: Camera) -> Name | None:
     -------
     {"panorama", "home"} or None
     """
-    known: dict[str, Name] = {"default": "panorama", "home": "home"}
-    return known.get(table) if camera.horizontally_periodic else None
+    return _OF_TABLES.get(table) if camera.horizontally_periodic else None
+
+
+def default_link_model(table: LikelihoodTable) -> LinkModel:
+    """Give the model that comes with pflut for panoramas and a table.
+
+    Parameters
+    ----------
+    table : LikelihoodTable
+        The default one, or that for homes, whatever its bins.
+
+    Returns
+    -------
+    LinkModel
+
+    Raises
+    ------
+    ValueError
+        If it is another one.
+    """
+    names: tuple[Literal["panorama", "home"], ...] = ("panorama", "home")
+    for name in names:
+        if table.digest == LikelihoodTable.default(name).digest:
+            return LinkModel.default(name)
+    raise ValueError(
+        "link_model: expected one that judges evidence of this table, got none; those for the "
+        "default table and for that of homes come with pflut"
+    )
 
 
 def _checksum(content: Mapping[str, Any]) -> str:
