@@ -64,7 +64,9 @@ def add_parser(actions: Subparsers) -> None:
         action="store_true",
         help="simulate odometry from the ground truth, even where the dataset has some",
     )
-    parser.add_argument("--seed", metavar="N", type=natural, help="of it (default: 0)")
+    parser.add_argument(
+        "--seed", metavar="N", type=natural, help="of --simulate-odometry (default: 0)"
+    )
     parser.add_argument(
         "--max-images", metavar="N", type=positive, help="the first N images (default: all)"
     )
@@ -81,9 +83,10 @@ def add_parser(actions: Subparsers) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Build the map, write it and print how good it is."""
-    options = replay_options(arguments)
     if arguments.seed is not None and not arguments.simulate_odometry:
         arguments.parser.error("argument --seed: only allowed with --simulate-odometry")
+    arguments.seed = arguments.seed or 0
+    options = replay_options(arguments)
     needs("scipy.sparse", extra="mapping", what="pflut map build")
 
     from pflut.cli.loading import load
@@ -99,7 +102,7 @@ def run(arguments: argparse.Namespace) -> None:
             arguments.images,
             simulate=arguments.simulate_odometry,
             max_images=arguments.max_images,
-            seed=arguments.seed or 0,
+            seed=arguments.seed,
         )
         links, folder = linked(arguments, drive, options, f"{whole.name} map", bars)
     graph = PoseGraph.from_odometry(drive.odometry, links)  # type: ignore[arg-type]
@@ -115,16 +118,15 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _errors(drive: Dataset, graph: PoseGraph, found: OptimizedGraph) -> dict[str, MapErrors]:
     """Compare odometry and the map with the truth, where two true poses at least are known."""
-    import numpy as np
-
+    from pflut.cli.map_frame import truth_known
     from pflut.mapping.map_errors import MapErrors
 
-    truth = drive.ground_truth
-    if truth is None or np.isfinite(truth).all(axis=1).sum() < 2:
+    if not truth_known(drive):
         return {}
+    trajectories = {"odometry": graph.poses, "pose_graph": found.poses}
     return {
-        "odometry": MapErrors.of(graph.poses, truth),
-        "pose_graph": MapErrors.of(found.poses, truth),
+        name: MapErrors.of(poses, drive.ground_truth)  # type: ignore[arg-type]
+        for name, poses in trajectories.items()
     }
 
 
@@ -140,7 +142,6 @@ def _write(
     import numpy as np
 
     from pflut._files import write_json
-    from pflut.alignment import align_poses
     from pflut.mapping.g2o import write_g2o
     from pflut.mapping.links import LINKED
     from pflut.trajectory import Trajectory, write_tum
@@ -164,12 +165,24 @@ def _write(
     write_json(folder / "metrics.json", metrics)
     if arguments.no_figures:
         return
+    title = f"{drive.name}: {len(drive)} images, {len(believed)} links"
+    _draw(folder, drive, graph, found, title)
+
+
+def _draw(
+    folder: Path, drive: Dataset, graph: PoseGraph, found: OptimizedGraph, title: str
+) -> None:
+    """Write the figure: over the floor plan only where the truth says how the map lies in it."""
+    from pflut.alignment import align_poses
+    from pflut.cli.map_frame import WITHOUT_TRUTH, truth_known, without_plan
     from pflut.plot import save_figure
     from pflut.plot.pose_graph import plot_pose_graph
 
-    shown = [found.poses, graph.poses]
-    if errors:
+    shown, truth, note = [found.poses, graph.poses], drive.ground_truth, None
+    if truth_known(drive):
         shown = [align_poses(poses, truth) for poses in shown]  # type: ignore[arg-type]
+    else:
+        drive, truth, note = without_plan(drive, found.poses), None, WITHOUT_TRUTH
     (folder / "figures").mkdir(exist_ok=True)
     save_figure(
         plot_pose_graph(
@@ -179,7 +192,8 @@ def _write(
             found.link_probability,
             odometry=shown[1],
             ground_truth=truth,
-            title=f"{drive.name}: {len(drive)} images, {len(believed)} links",
+            note=note,
+            title=title,
         ),
         folder / "figures" / "map.png",
     )
@@ -187,6 +201,7 @@ def _write(
 
 def _report(drive: Dataset, found: OptimizedGraph, errors: dict[str, MapErrors]) -> str:
     """Say what the map is made of and how wrong it is."""
+    from pflut.cli.map_frame import WITHOUT_TRUTH
     from pflut.mapping.links import LINKED
 
     links = found.graph.links
@@ -198,7 +213,9 @@ def _report(drive: Dataset, found: OptimizedGraph, errors: dict[str, MapErrors])
     ]
     if not found.converged:
         lines.append("note: the poses still moved by more than a millimetre when the search ended")
-    if errors:
+    if not errors:
+        lines.append(f"note: {WITHOUT_TRUTH}")
+    else:
         lines += [
             "",
             f"{'':<12}{'position':>10}{'largest':>10}{'from start':>12}{'heading':>10}",

@@ -153,17 +153,16 @@ def _positions(
     made: TopologicalMap, dataset: Dataset | None
 ) -> tuple[FloatArray, Dataset | None, str | None]:
     """Say where to draw the images and over what, and a note if not where they were taken."""
-    from dataclasses import replace
-
     import numpy as np
 
+    from pflut.cli.map_frame import WITHOUT_TRUTH, truth_known, without_plan
+
     if dataset is not None:
-        truth, odometry = dataset.ground_truth, dataset.odometry
-        if truth is not None and np.isfinite(truth).all(axis=1).any():
-            return truth, dataset, None
+        odometry = dataset.odometry
+        if truth_known(dataset):
+            return dataset.ground_truth, dataset, None  # type: ignore[return-value]
         if odometry is not None and np.isfinite(odometry).all(axis=1).any():
-            over = replace(dataset, ground_truth=odometry, floor_plan=None)
-            return odometry, over, "no true poses are known: drawn where odometry says"
+            return odometry, without_plan(dataset, odometry), WITHOUT_TRUTH
     why = "the dataset was not found" if dataset is None else "no poses are known"
     return made.layout(), None, f"{why}: linked images are drawn near each other"
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pflut.datasets.base import Dataset
-from pflut.simulation.odometry import simulate_odometry
+from pflut.simulation.odometry import odometry_stream, simulate_odometry
 
 Choice = Literal["all", "references", "queries"]
 
@@ -61,5 +61,4 @@ def drive_images(
     drive = dataset.select(chosen)
     if not simulate:
         return drive
-    rng = np.random.default_rng([seed, 14])
-    return drive.with_odometry(simulate_odometry(source[chosen], rng=rng))
+    return drive.with_odometry(simulate_odometry(source[chosen], rng=odometry_stream(seed)))

@@ -17,6 +17,8 @@ FAR = 3.0
 """Metres between images that a false link joins, at least."""
 PLACE = 6
 """Links of one place that is taken for another."""
+TRIES = 20
+"""For each link that is wanted, before it is said that there are not so many."""
 
 
 def with_false_links(
@@ -52,7 +54,7 @@ def with_false_links(
     Raises
     ------
     ValueError
-        If the share or the kind is none, or no two images are 3 m apart.
+        If the share or the kind is none, or fewer images are 3 m apart than the share asks for.
     """
     if not 0.0 <= share < 1.0:
         raise ValueError(f"share: expected a number in [0, 1), got {share}")
@@ -66,13 +68,23 @@ def with_false_links(
     poses = as_poses(ground_truth, "ground_truth")
     offsets = poses[:, None, :2] - poses[None, :, :2]
     far = np.hypot(offsets[..., 0], offsets[..., 1]) >= FAR
-    if not far.any():
-        raise ValueError(f"ground_truth: expected two images {FAR:g} m apart")
+    there = int(np.triu(far).sum())
+    if there < wanted:
+        raise ValueError(
+            f"ground_truth: expected {wanted} pairs of images {FAR:g} m apart, got {there}"
+        )
     made: dict[tuple[int, int], tuple[int, PoseConstraint]] = {}
-    while len(made) < wanted:
+    for _ in range(TRIES * wanted):
+        if len(made) == wanted:
+            break
         for pair, source, constraint in _some(links, probable, far, kind, generator):
             if len(made) < wanted:
                 made[pair] = (source, constraint)
+    if len(made) < wanted:
+        raise ValueError(
+            f"share: expected one that asks for no more false links than there are, got {share}: "
+            f"{wanted} wanted, {len(made)} of the kind {kind!r} found"
+        )
     pairs = np.array(list(made), dtype=np.int64)
     sources = np.array([source for source, _ in made.values()])
     false = Links.of(
