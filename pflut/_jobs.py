@@ -55,14 +55,16 @@ def in_processes(
         yield from map(work, items)
         return
     others = set(multiprocessing.active_children())
+    # spawned, not forked: threads of BLAS and OpenCV do not survive a fork
+    context = multiprocessing.get_context("spawn")
+    number = max(1, min(jobs, len(items)))
+    # by a queue: this process would wait for ever for one that ends before it reads arguments
+    handed: multiprocessing.Queue[Callable[[Item], Result]] = context.Queue()
+    handed.cancel_join_thread()
+    for _ in range(number):
+        handed.put(work)
     with single_threaded():
-        pool = ProcessPoolExecutor(
-            max(1, min(jobs, len(items))),
-            # spawned, not forked: threads of BLAS and OpenCV do not survive a fork
-            multiprocessing.get_context("spawn"),
-            _start_worker,
-            (work,),
-        )
+        pool = ProcessPoolExecutor(number, context, _start_worker, (handed,))
         running = [pool.submit(_call, item) for item in items]
     ended = False
     try:
@@ -76,6 +78,28 @@ def in_processes(
             for process in set(multiprocessing.active_children()) - others:
                 process.terminate()
         pool.shutdown(cancel_futures=True)
+
+
+def refuse_while_importing(name: str) -> None:
+    """Refuse to start processes in one that only imports the script of the process it works for.
+
+    Such a script lacks ``if __name__ == "__main__":``, and would do everything once more.
+
+    Parameters
+    ----------
+    name : str
+        Of what starts processes, for the error message.
+
+    Raises
+    ------
+    RuntimeError
+        If this is such a process.
+    """
+    # what multiprocessing itself asks, when it is too late: files have been written by then
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        raise RuntimeError(
+            f"{name}: with more than one process the script needs: if __name__ == '__main__':"
+        )
 
 
 def same_settings(path: Path, settings: Mapping[str, Any], what: str) -> None:
@@ -125,15 +149,15 @@ def single_threaded() -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _start_worker(work: Callable[[Any], Any]) -> None:
+def _start_worker(handed: multiprocessing.Queue[Callable[[Any], Any]]) -> None:
     """Leave Ctrl-C to the parent, and the other cores to the other processes."""
     import cv2
 
     global _work
-    _work = work
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    cv2.setNumThreads(1)
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    cv2.setNumThreads(1)
+    _work = handed.get()
 
 
 def _end_with_parent() -> None:

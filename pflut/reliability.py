@@ -92,22 +92,23 @@ def reliability_curve(
     return curve
 
 
-def share_interval(hits: ArrayLike, counts: ArrayLike) -> tuple[float, float]:
+def share_interval(
+    hits: ArrayLike, counts: ArrayLike, *, resamples: int = RESAMPLES
+) -> tuple[float, float]:
     """Give the 95 % interval of a share, by bootstrap over groups whose events are dependent.
 
     Parameters
     ----------
-    hits, counts : array_like of int, shape (g,)
-        How many of how many, in each group.
+    hits, counts : array_like of shape (g,)
+        How many of how many, in each group; of a mean, the sum of its values.
+    resamples : int
 
     Returns
     -------
     low, high : float
     """
     successes, totals = np.asarray(hits), np.asarray(counts)
-    rng = np.random.default_rng(0)
-    groups = len(totals)
-    draws = rng.multinomial(groups, np.full(groups, 1.0 / groups), size=RESAMPLES)
+    draws = draws_of_groups(len(totals), resamples=resamples, rng=0)
     with np.errstate(invalid="ignore"):
         shares = (draws @ successes) / (draws @ totals)
     low, high = np.nanquantile(shares, (0.025, 0.975))
@@ -220,6 +221,14 @@ def precision_recall(
     return found[last] / said[last], found[last] / found[-1]
 
 
+def draws_of_groups(
+    groups: int, *, resamples: int = RESAMPLES, rng: np.random.Generator | int | None = None
+) -> NDArray[np.int64]:
+    """Say how often bootstraps over groups draw each of them, of shape (resamples, groups)."""
+    chance = np.full(groups, 1.0 / groups)
+    return np.random.default_rng(rng).multinomial(groups, chance, size=resamples)
+
+
 def draws_of_pairs(
     ends: ArrayLike, *, resamples: int = 1000, rng: np.random.Generator | int | None = None
 ) -> NDArray[np.int16]:
@@ -240,8 +249,7 @@ def draws_of_pairs(
     ndarray of shape (resamples, n), int16
     """
     images, place = np.unique(np.asarray(ends), return_inverse=True)
-    chance = np.full(len(images), 1.0 / len(images))
-    times = np.random.default_rng(rng).multinomial(len(images), chance, size=resamples)
+    times = draws_of_groups(len(images), resamples=resamples, rng=rng)
     drawn = times[:, place.reshape(-1, 2)].prod(axis=2)
     return np.asarray(drawn.astype(np.int16))
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 WORDS = 32
 MAX_TRAINING = 20_000
+NO_ROWS = np.empty((0, 1), np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +40,8 @@ class Vocabulary:
         Parameters
         ----------
         descriptors : sequence of ndarray of shape (n, D)
-            An array an image; uint8 ones are binary (ORB) and are taken bit by bit.
+            An array an image; uint8 ones are binary (ORB) and are taken bit by bit. Images without
+            any may have another D.
         words : int
             Number of clusters, fewer if there are fewer descriptors.
         seed : int
@@ -51,7 +53,8 @@ class Vocabulary:
         """
         import cv2
 
-        rows = np.concatenate([_as_float(d) for d in descriptors])
+        seen = [d for d in descriptors if len(d)] or [*descriptors[:1], NO_ROWS][:1]
+        rows = np.concatenate([_as_float(d) for d in seen])
         rng = np.random.default_rng(seed)
         if len(rows) > MAX_TRAINING:
             rows = rows[rng.choice(len(rows), MAX_TRAINING, replace=False)]

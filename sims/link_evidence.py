@@ -45,6 +45,7 @@ from pflut.mapping.true_links import INDOORS, ON_ROADS, dataset_links, true_link
 from pflut.plot import plot_precision_recall, plot_reliability, save_figure
 from pflut.reliability import (
     average_precision,
+    draws_of_groups,
     draws_of_pairs,
     expected_calibration_error,
     precision_recall,
@@ -137,7 +138,7 @@ class Measured:
         drawn = draws_of_pairs(self.ends, resamples=RESAMPLES, rng=stream)
         number = int(self.homes.max()) + 1
         if number > 1:
-            times = stream.multinomial(number, np.full(number, 1.0 / number), size=RESAMPLES)
+            times = draws_of_groups(number, resamples=RESAMPLES, rng=stream)
             drawn = drawn * times[:, self.homes].astype(np.int16)
         return drawn
 

@@ -41,6 +41,7 @@ from pflut.mapping.node_localizer import NodeLocalizer
 from pflut.mapping.node_model import NodeModel
 from pflut.mapping.topological_map import TopologicalMap
 from pflut.plot import plot_places, save_figure
+from pflut.reliability import share_interval
 from pflut.simulation.home import Home, rooms_at
 from pflut.statistics import adjusted_rand_index
 
@@ -145,10 +146,8 @@ def measure(seed: int, arguments: argparse.Namespace) -> tuple[list[list], dict[
 
 def with_interval(values: np.ndarray, homes: np.ndarray) -> str:
     """Give a mean over images with its interval by bootstrap over homes."""
-    sums = np.array([[values[homes == home].sum(), (homes == home).sum()] for home in set(homes)])
-    rng = np.random.default_rng(0)
-    drawn = sums[rng.integers(0, len(sums), (RESAMPLES, len(sums)))].sum(axis=1)
-    low, high = np.quantile(drawn[:, 0] / drawn[:, 1], [0.025, 0.975])
+    _, of = np.unique(homes, return_inverse=True)
+    low, high = share_interval(np.bincount(of, values), np.bincount(of), resamples=RESAMPLES)
     return f"{values.mean():.3f} [{low:.3f}, {high:.3f}]"
 
 

@@ -60,20 +60,13 @@ def features() -> list[Features]:
 
 
 @pytest.fixture
-def link(
-    features: list[Features], small_table: LikelihoodTable, monkeypatch: pytest.MonkeyPatch
-) -> Callable[..., Links]:
-    """Link them in small batches; in this process, even if it has compiled the kernels."""
+def link(features: list[Features], small_table: LikelihoodTable) -> Callable[..., Links]:
+    """Link them in small batches."""
 
-    def call(
-        folder: Path, table: Any = small_table, *, anywhere: bool = False, **options: Any
-    ) -> Links:
-        with monkeypatch.context() as patch:
-            if not anywhere:
-                patch.setattr(PairLinker, "warm_up", lambda _: False)
-            return all_pairs(
-                options.pop("features", features), folder, table, **{"batch_size": 8, **options}
-            )
+    def call(folder: Path, table: Any = small_table, **options: Any) -> Links:
+        return all_pairs(
+            options.pop("features", features), folder, table, **{"batch_size": 8, **options}
+        )
 
     return call
 
@@ -89,9 +82,14 @@ def whole(link: Callable[..., Links], tmp_path: Path) -> bytes:
 def anywhere(
     features: list[Features], small_table: LikelihoodTable, tmp_path_factory: pytest.TempPathFactory
 ) -> bytes:
-    """The same, in another process if this one has compiled the kernels."""
+    """The same by a process of its own, which reads the kernels that this one has compiled."""
+    linker = PairLinker(
+        table=small_table, options=LinkOptions(), link_model=LinkModel.default("panorama")
+    )
+    linker.warm_up()
     folder = tmp_path_factory.mktemp("anywhere") / "run"
-    all_pairs(features, folder, small_table, batch_size=8)
+    process = start_alone(folder, 1, 8)
+    assert process.communicate()[1] == "" and process.returncode == 0
     return (folder / "links.npz").read_bytes()
 
 
@@ -207,6 +205,28 @@ def test_images_of_one_room_are_alike() -> None:
     signatures = image_signatures(lambda image: looks[image].descriptors, 10)
     pairs = alike(signatures, 3, neighbours=0)
     assert len(pairs) >= 15 and (np.diff(pairs) % 2 == 0).all()
+
+
+@pytest.mark.parametrize("dark", [range(32), range(0, 300, 3), range(300)])
+def test_images_in_the_dark_are_like_no_other(dark: range) -> None:
+    """A whole block of them has descriptors of no kind; so may have all that words are made of."""
+    rng = np.random.default_rng(0)
+    bits = rng.normal(size=(20, 16)).astype(np.float32)
+    looks = {k: bits + rng.normal(0.0, 0.1, bits.shape).astype(np.float32) for k in range(300)}
+    looks |= dict.fromkeys(dark, np.empty((0, 1), np.float32))
+    signatures = image_signatures(lambda image: looks[image], 300)
+    assert signatures.shape[0] == 300 and not signatures[list(dark)].any()
+    lengths = np.linalg.norm(np.delete(signatures, list(dark), axis=0), axis=1)
+    assert lengths == pytest.approx(np.ones(300 - len(dark)), abs=1e-5)
+
+
+def test_a_block_in_the_dark_beside_others(
+    features: list[Features], link: Callable[..., Links], tmp_path: Path
+) -> None:
+    many = [*[features[0][:0]] * BLOCK, *features[1:4]]
+    links = link(tmp_path, features=many, max_candidates=1, batch_size=100)
+    seen = (links.indices >= BLOCK).all(axis=1)
+    assert links.num_matches[seen].min() > 20 and links.num_matches[~seen].max() == 0
 
 
 def test_proposals_of_less_than_none() -> None:
@@ -342,8 +362,42 @@ def test_one_image_has_no_pair(
 ) -> None:
     with pytest.raises(ValueError, match="features: expected those of at least 2 images, got 1"):
         link(tmp_path, features=features[:1])
-    with pytest.raises(ValueError, match="batch_size: expected at least 1, got 0"):
-        link(tmp_path, batch_size=0)
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ({"batch_size": 0}, "batch_size: expected at least 1, got 0"),
+        ({"jobs": 0}, "jobs: expected at least 1, got 0"),
+        ({"max_candidates": -1}, "max_candidates: expected at least 0, got -1"),
+        ({"neighbours": -1}, "neighbours: expected at least 0, got -1"),
+    ],
+)
+def test_what_is_out_of_range_leaves_no_folder(
+    option: dict[str, int], message: str, link: Callable[..., Links], tmp_path: Path
+) -> None:
+    with pytest.raises(ValueError, match=f"^{message}"):
+        link(tmp_path / "run", **option)
+    assert not (tmp_path / "run").exists()
+
+
+def test_neighbours_count_among_some_only(link: Callable[..., Links], tmp_path: Path) -> None:
+    pairs = len(link(tmp_path, neighbours=1))
+    assert len(link(tmp_path, neighbours=3)) == pairs == PAIRS
+
+
+def test_the_link_model_is_that_of_the_table(
+    features: list[Features], link: Callable[..., Links], tmp_path: Path
+) -> None:
+    home = LikelihoodTable.default("home", bins=32)
+    found = link(tmp_path / "home", home, pairs=[[3, 4]])
+    same = link(tmp_path / "same", home, pairs=[[3, 4]], link_model=LinkModel.default("home"))
+    other = link(tmp_path / "other", home, pairs=[[3, 4]], link_model=LinkModel.default())
+    assert found.probability == same.probability != other.probability
+    for table in (LikelihoodTable.default("perspective"), replace(home, mismatch=0.5)):
+        with pytest.raises(ValueError, match=r"^link_model: expected one that judges evidence"):
+            link(tmp_path / "none", table)
+    assert not (tmp_path / "none").exists()
 
 
 def test_progress_counts_pairs(link: Callable[..., Links], tmp_path: Path) -> None:
@@ -423,9 +477,16 @@ def test_the_size_of_a_batch_changes_nothing(
         ({"options": LinkOptions(temperature=0.5)}, "temperature"),
         ({"options": LinkOptions(min_matches=9)}, "min_matches"),
         ({"pairs": [[0, 1]]}, "pairs"),
-        ({"max_candidates": 2}, "max_candidates"),
+        ({"max_candidates": 2}, "max_candidates, neighbours"),
         ({"table": LikelihoodTable.default(bins=16)}, "table"),
-        ({"table": LikelihoodTable.default("home", bins=32)}, "table"),
+        ({"table": LikelihoodTable.default("home", bins=32)}, "link_model, table"),
+        (
+            {
+                "table": replace(LikelihoodTable.default(bins=32), mismatch=0.5),
+                "link_model": LinkModel.default(),
+            },
+            "table",
+        ),
         ({"features": seen_along_a_line()[:-1]}, "features, num_images"),
         ({"features": seen_along_a_line()[::-1]}, "features"),
     ],
@@ -447,26 +508,43 @@ def test_links_of_other_settings_are_not_mixed(
 # --- processes ---------------------------------------------------------------------------------
 
 SCRIPT = """
-import sys
+import sys, time
 from test_all_pairs import seen_along_a_line
 from pflut.likelihood.table import LikelihoodTable
 from pflut.mapping.all_pairs import all_pairs
+from pflut.mapping.pair_linker import LinkOptions, PairLinker
 
+folder, jobs, size, pause = sys.argv[1], *map(float, sys.argv[2:])
+call = PairLinker.__call__
+
+def slowly(*arguments):
+    time.sleep(pause)
+    return call(*arguments)
+
+PairLinker.__call__ = slowly
+"""
+GUARDED = """
 if __name__ == "__main__":
-    folder, jobs, size = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
     table = LikelihoodTable.default(bins=32)
-    all_pairs(seen_along_a_line(), folder, table, jobs=jobs, batch_size=size)
+    all_pairs(seen_along_a_line(), folder, table, jobs=int(jobs), batch_size=int(size))
+"""
+# few kernels are needed, those that are slow to compile are not
+UNGUARDED = """
+options = LinkOptions(min_matches=1000)
+all_pairs(seen_along_a_line(4), folder, jobs=int(jobs), batch_size=int(size), options=options)
 """
 
 
-def start_alone(folder: Path, jobs: int, size: int) -> subprocess.Popen[str]:
+def start_alone(
+    folder: Path, jobs: int, size: int, *, pause: float = 0.0, then: str = GUARDED, **more: str
+) -> subprocess.Popen[str]:
     """Start another Python that links the same images."""
     script = folder.with_suffix(".py")
-    script.write_text(SCRIPT)
+    script.write_text(SCRIPT + then)
     path = os.pathsep.join([str(Path(__file__).parent), *filter(None, sys.path)])
     return subprocess.Popen(
-        [sys.executable, str(script), str(folder), str(jobs), str(size)],
-        env={**os.environ, "PYTHONPATH": path},
+        [sys.executable, str(script), str(folder), str(jobs), str(size), str(pause)],
+        env={**os.environ, "PYTHONPATH": path, **more},
         stderr=subprocess.PIPE,
         text=True,
     )
@@ -475,8 +553,26 @@ def start_alone(folder: Path, jobs: int, size: int) -> subprocess.Popen[str]:
 def test_processes_give_the_same_bytes(
     link: Callable[..., Links], anywhere: bytes, tmp_path: Path
 ) -> None:
-    link(tmp_path / "run", jobs=2, anywhere=True)
+    link(tmp_path / "run", jobs=2)
     assert (tmp_path / "run" / "links.npz").read_bytes() == anywhere
+
+
+def test_a_plain_script_after_an_installation(tmp_path: Path) -> None:
+    """With one process it needs no guard, even if the kernels are not compiled yet."""
+    cache = tmp_path / "cache"
+    process = start_alone(tmp_path / "run", 1, 2, then=UNGUARDED, NUMBA_CACHE_DIR=str(cache))
+    assert process.communicate()[1] == "" and process.returncode == 0
+    assert any(cache.rglob("*.nbi"))
+    assert len(Links.load(tmp_path / "run" / "links.npz")) == 6
+
+
+def test_a_script_with_processes_needs_its_guard(tmp_path: Path) -> None:
+    """It says so, and a process that runs the script once more does not do its work."""
+    folder = tmp_path / "run"
+    process = start_alone(folder, 2, 2, then=UNGUARDED)
+    told = process.communicate(timeout=120)[1]
+    assert process.returncode == 1 and "the script needs: if __name__ == '__main__':" in told
+    assert (folder / "work").is_dir() and not (folder / "links.npz").exists()
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="processes are looked up in /proc")
@@ -485,7 +581,7 @@ def test_killed_and_gone_on_with(
 ) -> None:
     """By kill -9, which leaves no time to tell the others: they end by themselves."""
     folder = tmp_path / "run"
-    process = start_alone(folder, 2, 8)
+    process = start_alone(folder, 2, 8, pause=0.2)
     deadline = time.monotonic() + 120.0
     while len(list((folder / "work").glob("batch_*.npz"))) < 2:
         assert process.poll() is None and time.monotonic() < deadline
@@ -503,7 +599,7 @@ def test_killed_and_gone_on_with(
         time.sleep(0.01)
     done = len(list((folder / "work").glob("batch_*.npz")))
     assert 2 <= done < BATCHES
-    link(folder, jobs=2, anywhere=True)
+    link(folder, jobs=2)
     assert (folder / "links.npz").read_bytes() == anywhere
 
 
@@ -537,18 +633,13 @@ def test_a_cluster_gives_the_same_bytes(
     link: Callable[..., Links], anywhere: bytes, tmp_path: Path, scheduler: str
 ) -> None:
     """And it goes on with what was done here."""
-    link(tmp_path / "all", anywhere=True, scheduler=scheduler)
+    link(tmp_path / "all", scheduler=scheduler)
     assert (tmp_path / "all" / "links.npz").read_bytes() == anywhere
     with pytest.raises(StopError):
-        link(tmp_path / "rest", anywhere=True, progress=stop_after(40))
+        link(tmp_path / "rest", jobs=2, progress=stop_after(40))
     told: list[int] = []
-    link(
-        tmp_path / "rest",
-        anywhere=True,
-        scheduler=scheduler,
-        progress=lambda done, _: told.append(done),
-    )
-    assert told[0] == 40 and told[-1] == PAIRS
+    link(tmp_path / "rest", scheduler=scheduler, progress=lambda done, _: told.append(done))
+    assert 40 <= told[0] < PAIRS and told[-1] == PAIRS
     assert (tmp_path / "rest" / "links.npz").read_bytes() == anywhere
 
 
@@ -556,8 +647,8 @@ def test_a_cluster_that_is_left_can_be_come_back_to(
     link: Callable[..., Links], anywhere: bytes, tmp_path: Path, scheduler: str
 ) -> None:
     with pytest.raises(StopError):
-        link(tmp_path, anywhere=True, scheduler=scheduler, progress=stop_after(8))
-    link(tmp_path, anywhere=True, scheduler=scheduler)
+        link(tmp_path, scheduler=scheduler, progress=stop_after(8))
+    link(tmp_path, scheduler=scheduler)
     assert (tmp_path / "links.npz").read_bytes() == anywhere
 
 
@@ -582,7 +673,8 @@ def test_a_scheduler_that_does_not_answer(
     pytest.importorskip("distributed")
     monkeypatch.setattr("pflut.mapping.cluster.TIMEOUT", 0.5)
     with pytest.raises(OSError, match=f"^scheduler: no answer from {address}: "):
-        link(tmp_path, scheduler=address)
+        link(tmp_path / "run", scheduler=address)
+    assert not (tmp_path / "run").exists()
 
 
 def test_dask_is_an_extra(
@@ -599,4 +691,24 @@ def test_what_fails_on_a_worker_fails_here(
     short = replace(features[-1], descriptors=features[-1].descriptors[:, :16])
     many = [*features, *[features[0][:0]] * (BLOCK - COUNT), short, short]
     with pytest.raises(ValueError, match="descriptors: expected one kind, got"):
-        link(tmp_path, features=many, anywhere=True, scheduler=scheduler)
+        link(tmp_path, features=many, scheduler=scheduler)
+
+
+def test_a_scheduler_that_ends_half_way(
+    link: Callable[..., Links], anywhere: bytes, tmp_path: Path
+) -> None:
+    distributed = pytest.importorskip("distributed")
+    cluster = distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, host="127.0.0.1", dashboard_address=":0",
+        silence_logs=logging.CRITICAL,
+    )  # fmt: skip
+
+    def end(done: int, _: int) -> None:
+        if done >= 8:
+            cluster.close()
+
+    with pytest.raises(OSError, match=r"^scheduler: lost tcp://127.*; what is done is kept"):
+        link(tmp_path, scheduler=cluster.scheduler_address, progress=end)
+    assert len(list((tmp_path / "work").glob("batch_*.npz"))) < BATCHES
+    link(tmp_path, jobs=2)
+    assert (tmp_path / "links.npz").read_bytes() == anywhere

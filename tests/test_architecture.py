@@ -18,7 +18,7 @@ PACKAGE = Path(pflut.__file__).parent
 # more closely. A module may import what stands on a line before its own, and what has its own name;
 # names on one line do not import each other.
 ORDER = [
-    "_jit _lanes _files _cache _lazy geometry",
+    "_jit _lanes _files _cache _lazy _extras geometry",
     "_trig _random _robust _cells _jobs correspondences trajectory statistics",
     "camera evaluation reliability von_mises alignment",
     "features",

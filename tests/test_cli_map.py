@@ -12,6 +12,7 @@ from command_line import Run, refused
 from pflut.cli.progress import Bars
 from pflut.likelihood.dense import DenseTable
 from pflut.mapping.constraint import KINDS
+from pflut.mapping.link_model import LinkModel
 from pflut.mapping.links import Links
 
 pytestmark = pytest.mark.usefixtures("own_folder")
@@ -27,8 +28,8 @@ def test_all_images_of_a_home(run: Run) -> None:
     counted = {words[0]: list(map(int, words[1:])) for words in map(str.split, lines[3:8])}
     for code, kind in enumerate(KINDS):
         those = links.kind == code
-        assert counted[kind] == [those.sum(), (links.probability[those] > 0.5).sum()]
-    assert counted["all"] == [276, (links.probability > 0.5).sum()]
+        assert counted[kind] == [those.sum(), (links.probability[those] >= 0.5).sum()]
+    assert counted["all"] == [276, (links.probability >= 0.5).sum()]
     record = json.loads(Path("out/run.json").read_text())
     assert len(record["images"]) == 24 and record["arguments"]["bins"] == 32
     # it is there, and not done again
@@ -45,7 +46,12 @@ def test_those_that_look_alike(run: Run) -> None:
     assert {(k, k + gap) for gap in (1, 2) for k in range(24 - gap)} <= pairs
 
 
-def test_interrupted_and_gone_on_with(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("action", ["links", "build", "places"])
+def test_interrupted_and_gone_on_with(
+    run: Run, action: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    images = ("--images", "all", "--simulate-odometry") if action == "build" else ()
+    command = ("map", action, *LINK[2:], *images)
     call = Bars.__call__
 
     def stop(bars: Bars, stage: str, done: int, total: int) -> None:
@@ -53,20 +59,31 @@ def test_interrupted_and_gone_on_with(run: Run, monkeypatch: pytest.MonkeyPatch)
         if stage == stopped and done >= 1:
             raise KeyboardInterrupt
 
+    # seen by a default, too
     monkeypatch.setattr("pflut.mapping.all_pairs.BATCH", 100)
     monkeypatch.setattr(Bars, "__call__", stop)
     stopped = "features"
-    outcome = run(*LINK)
+    outcome = run(*command)
     assert outcome.code == 130 and outcome.out == ""
     assert outcome.err.strip() == (
         "pflut: interrupted: no pair is kept in out; the same command with --output out goes on"
     )
     stopped = "pairs"
-    outcome = run(*LINK)
+    outcome = run(*command)
     assert outcome.code == 130
-    assert "pflut: interrupted: 276 of 276 pairs" in outcome.err
+    assert "pflut: interrupted: 100 of 276 pairs" in outcome.err
     stopped = ""
-    assert run(*LINK).code == 0 and len(Links.load("out/links.npz")) == 276
+    assert run(*command).code == 0 and len(Links.load("out/links.npz")) == 276
+
+
+def test_a_model_by_its_name_or_from_a_file(run: Run) -> None:
+    LinkModel.default("perspective").save("model.json")
+    found = {}
+    for model in ("perspective", "model.json", "panorama"):
+        options = ("--max-candidates", 1, "--link-model", model)
+        assert run(*LINK[:-1], f"out-{model}", *options).code == 0
+        found[model] = Links.load(f"out-{model}/links.npz").probability.tolist()
+    assert found["perspective"] == found["model.json"] != found["panorama"]
 
 
 @pytest.mark.parametrize(
@@ -89,14 +106,19 @@ def test_wrong_input(
 ) -> None:
     refused(run("map", "links", "nowhere"), "nowhere")
     refused(run(*LINK, "--scheduler", "nowhere"), "scheduler: no answer from nowhere")
+    assert not Path("out").exists()
     assert run("map", "links").code == 2
     assert run(*LINK, "--neighbours", -1).code == 2
     assert run(*LINK, "--ratio", 1.5).code == 2
     assert run(*LINK, "--prior", 1.0).code == 2
     small_dense_table.save("dense.npz")
     refused(run(*LINK, "--table", "dense.npz"), "dense.npz: a dense table, expected a residual one")
-    refused(run(*LINK, "--table", "perspective"), "no link model", "expected --link-model")
+    refused(
+        run(*LINK, "--table", "perspective"),
+        *("no link model", "expected --link-model: perspective", "far too sure on a road"),
+    )
     refused(run(*LINK, "--link-model", "none.json"), "none.json")
+    assert not Path("out").exists()
     Path("full").mkdir()
     Path("full/file").touch()
     refused(run(*LINK[:-1], "full"), "full: holds something already, expected a new folder")

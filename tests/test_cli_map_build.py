@@ -10,12 +10,15 @@ import numpy as np
 import pytest
 from command_line import Run, refused
 
+from pflut.datasets.base import Dataset
+from pflut.datasets.folder import load_folder, write_folder
 from pflut.datasets.simulated_home import load_simulated_home
 from pflut.mapping.drive_images import drive_images
 from pflut.mapping.g2o import read_g2o
 from pflut.mapping.graph_optimizer import optimize_graph
 from pflut.mapping.links import Links
 from pflut.mapping.pose_graph import PoseGraph
+from pflut.plot.pose_graph import plot_pose_graph
 from pflut.trajectory import read_tum
 
 pytestmark = pytest.mark.usefixtures("own_folder")
@@ -74,11 +77,49 @@ def test_other_images_with_simulated_odometry(run: Run) -> None:
     assert np.abs(read_tum("again/odometry.tum").poses - first).max() > 1e-4
 
 
+@pytest.mark.parametrize("known", [0, 1])
+def test_a_drive_without_truth_is_drawn_without_a_plan(
+    run: Run, room_folder: Path, monkeypatch: pytest.MonkeyPatch, known: int
+) -> None:
+    room = load_folder(room_folder)
+    truth = np.full((6, 3), np.nan)
+    truth[:known] = room.ground_truth[:known]
+    write_folder(
+        Path("plain"),
+        camera=room.camera,
+        stamps=room.stamps[:6],
+        images=(room.image(k) for k in range(6)),
+        ground_truth=truth if known else None,
+        odometry=room.ground_truth[:6] - [3.0, 1.0, 0.0],
+        floor_plan=np.array([[[0.0, 0.0], [1.0, 0.0]]]),
+        name="Plain",
+    )
+    drawn: dict[str, object] = {}
+
+    def drawing(dataset: Dataset, poses: np.ndarray, *rest: object, **about: object) -> object:
+        drawn.update(about, dataset=dataset, poses=poses)
+        return plot_pose_graph(dataset, poses, *rest, **about)
+
+    monkeypatch.setattr("pflut.plot.pose_graph.plot_pose_graph", drawing)
+    outcome = run("map", "build", "plain", "--jobs", 1, "--bins", 32, "--output", "out")
+    assert outcome.code == 0 and "note: no two true poses are known" in outcome.out
+    assert "odometry's" not in outcome.out
+    assert drawn["dataset"].floor_plan is None and drawn["ground_truth"] is None
+    assert drawn["note"] == "no two true poses are known: drawn where odometry says"
+    np.testing.assert_array_equal(drawn["poses"][0], room.ground_truth[0] - [3.0, 1.0, 0.0])
+    assert Path("out/figures/map.png").stat().st_size > 10_000
+    assert Path("out/groundtruth.tum").exists() == bool(known)
+
+
 def test_wrong_input(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     refused(run("map", "build", "nowhere"), "nowhere")
     assert run("map", "build").code == 2
     assert run(*BUILD, "--images", "some").code == 2
     assert run(*BUILD, "--seed", -1).code == 2
+    refusal = run(*BUILD, "--seed", 1)
+    assert refusal.code == 2 and "--seed: only allowed with --simulate-odometry" in refusal.err
     refused(run(*BUILD, "--max-images", 1), "expected 2 images with odometry, got 1")
     monkeypatch.setitem(sys.modules, "scipy", None)
     refused(run(*BUILD, "--max-images", 3), "pip install 'pflut[mapping]'")
+    # before the work
+    assert not Path("out").exists()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -44,10 +45,14 @@ def test_of_a_folder_of_links(run: Run) -> None:
     )
     fine = TopologicalMap.load("fine/topological_map.graphml")
     assert len(fine.edges) == (links.probability >= 0.9).sum()
-    assert fine.num_places >= made.num_places and not Path("fine/figures").exists()
+    expected = TopologicalMap.from_links(links, 24, min_probability=0.9, resolution=4.0)
+    assert fine.places.tolist() == expected.places.tolist() and not Path("fine/figures").exists()
+    assert fine.num_places > made.num_places
 
 
-def test_of_a_dataset_without_true_poses(run: Run, room_folder: Path) -> None:
+def test_of_a_dataset_without_true_poses(
+    run: Run, room_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     room = load_folder(room_folder)
     write_folder(
         Path("plain"),
@@ -64,10 +69,15 @@ def test_of_a_dataset_without_true_poses(run: Run, room_folder: Path) -> None:
         *("links.npz", "settings.json", "run.json"),
         *("places.json", "topological_map.graphml", "figures"),
     }
-    # the folder holds links: it serves as such, and the dataset may be gone
+    # the folder holds links: it serves as such, from elsewhere too, and the dataset may be gone
+    Path("elsewhere").mkdir()
+    with monkeypatch.context() as patch:
+        patch.chdir("elsewhere")
+        again = run("map", "places", "../out", "--output", "again")
+    assert again.code == 0 and "drawn where odometry says" in again.out
     Path("plain").rename("gone")
     again = run("map", "places", "out", "--output", "again")
-    assert again.code == 0 and "note: no poses are known" in again.out
+    assert again.code == 0 and "note: the dataset was not found" in again.out
     assert again.out.splitlines()[2:-1] == outcome.out.splitlines()[2:-1]
     assert Path("again/figures/places.png").stat().st_size > 10_000
 
@@ -78,9 +88,25 @@ def test_wrong_input(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
         assert run("map", "places", "nowhere", option, 0).code == 2
     Path("links").mkdir()
     Links.concatenate([]).save("links/links.npz")
-    Path("links/run.json").write_text("{}")
-    refused(run("map", "places", "links"), "run.json: names no images")
-    Path("links/run.json").write_text('{"images": ["a", "b"], "dataset": "none"}')
+    for content in ("{}", '{"images": null}', '{"images": ["a"]}'):
+        Path("links/run.json").write_text(content)
+        refused(run("map", "places", "links"), "run.json: names no images")
+    Path("links/run.json").write_text('{"images": ["a", "b"], "arguments": 3, "source": 4}')
     refused(run("map", "places", "links", "--output", "links"), "links: holds something already")
-    monkeypatch.setitem(__import__("sys").modules, "networkx", None)
+    outcome = run("map", "places", "links", "--jobs", 1, "--bins", 32, "--no-mutual")
+    assert outcome.code == 2 and "--jobs, --mutual, --bins: without effect on" in outcome.err
+    Path("links/links.npz").rename("links/settings.json")
+    refused(run("map", "places", "links"), "links: the links are not finished")
+    monkeypatch.setitem(sys.modules, "networkx", None)
     refused(run("map", "places", "links", "--output", "out"), "pip install 'pflut[mapping]'")
+    assert not Path("out").exists()
+
+
+def test_of_links_that_the_library_made(run: Run) -> None:
+    """They come without a record: images have numbers."""
+    assert run("map", "links", "simulated-home", *OPTIONS, "--output", "mine").code == 0
+    Path("mine/run.json").unlink()
+    outcome = run("map", "places", "mine", "--output", "out")
+    assert outcome.code == 0 and outcome.out.startswith("mine: 24 images, 276 pairs")
+    names = TopologicalMap.load("out/topological_map.graphml").names
+    assert names == tuple(map(str, range(24)))

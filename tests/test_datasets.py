@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -116,6 +117,26 @@ def test_odometry_between_is_the_motion_in_the_first_frame(folder):
         dataset.odometry_between(2, 9)
     other = dataset.with_odometry(truth)
     assert np.isfinite(other.odometry_between(2, 9)).all()
+
+
+def test_some_images_by_themselves(folder):
+    whole = load_dataset(folder)
+    chosen = np.array([1, 2, 4])
+    part = whole.select(chosen)
+    assert len(part) == 3 and part.name == whole.name
+    assert part.image_paths == tuple(whole.image_paths[k] for k in chosen)
+    for name in ("stamps", "ground_truth", "odometry"):
+        np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[chosen])
+    assert not len(part.reference_indices) and part.query_indices.tolist() == [0, 1, 2]
+    assert replace(whole, odometry=None).select(chosen).odometry is None
+    for wrong, message in (
+        ([2, 1], "ascend"),
+        ([1, 1], "ascend"),
+        ([-1], "of 12"),
+        ([12], "of 12"),
+    ):
+        with pytest.raises(ValueError, match=f"indices: expected .*{message}"):
+            whole.select(wrong)
 
 
 def test_references_can_be_chosen(folder, tmp_path):

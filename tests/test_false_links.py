@@ -83,5 +83,23 @@ def test_none_are_added_and_wrong_ones_are_refused() -> None:
         with_false_links(links, TRUTH, 1.0)
     with pytest.raises(ValueError, match="kind: expected random, pair or place, got 'worst'"):
         with_false_links(links, TRUTH, 0.1, "worst")
-    with pytest.raises(ValueError, match="expected two images 3 m apart"):
-        with_false_links(links, TRUTH * [0.1, 0.1, 1.0], 0.1)
+
+
+@pytest.mark.parametrize("kind", ["random", "pair", "place"])
+def test_more_than_there_are_are_refused_and_not_looked_for_without_end(kind: str) -> None:
+    links = true_links()
+    near = TRUTH * [0.1, 0.1, 1.0]
+    with pytest.raises(ValueError, match="pairs of images 3 m apart, got 0"):
+        with_false_links(links, near, 0.1, kind)
+    there = len(with_false_links(links, TRUTH, 0.5, kind, rng=0)) - len(links)
+    assert there == len(links)
+    with pytest.raises(ValueError, match="pairs of images 3 m apart, got"):
+        with_false_links(links, TRUTH, 0.99, kind)
+
+
+def test_places_that_run_out_are_refused() -> None:
+    # one link: another place can be linked with its two images only
+    poses = loop(12) * [4.0, 4.0, 1.0]
+    pair = simulated_graph(loop(12), None).links[:1]
+    with pytest.raises(ValueError, match=r"than there are, got 0.96: 24 wanted, [0-9]+ of the"):
+        with_false_links(pair, poses, 0.96, "place", rng=0)

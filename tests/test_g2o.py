@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from graphs import loop, simulated_graph
+from graphs import links_of, loop, simulated_graph
 from test_links import random_links
 
 from pflut.geometry import relative_headings, relative_pose, wrap_to_pi
@@ -15,6 +15,7 @@ from pflut.mapping.constraint import KINDS
 from pflut.mapping.g2o import as_pose_edge, read_g2o, write_g2o
 from pflut.mapping.graph_system import GraphSystem
 from pflut.mapping.pose_graph import PoseGraph
+from pflut.von_mises.mixture import VonMisesMixture
 
 
 def graph_of_everything() -> PoseGraph:
@@ -25,6 +26,16 @@ def graph_of_everything() -> PoseGraph:
     odometry = np.cumsum(rng.normal(0.0, 0.3, (40, 3)), axis=0)
     graph = PoseGraph.from_odometry(odometry, links, ids=3 * np.arange(40) + 5)
     return replace(graph, fixed=4)
+
+
+def mode_of(concentrations: list[float], coupling: float) -> VonMisesMixture:
+    """A mixture of one mode."""
+    return VonMisesMixture(
+        weights=np.ones(1),
+        means=np.array([[0.4, -2.6]]),
+        concentrations=np.array([concentrations]),
+        couplings=np.array([coupling]),
+    )
 
 
 def test_a_graph_comes_back_with_all_digits(tmp_path: Path) -> None:
@@ -91,13 +102,43 @@ def test_a_rotation_as_a_plain_edge_leaves_the_position_alone() -> None:
     band = next(
         k
         for k in range(len(links))
-        if len(links.mixture(k).rotation_weights) and not len(links.mixture(k).weights)
+        if len(links.mixture(k).rotation_weights)
+        and not len(links.mixture(k).weights)
+        and links.kind[k] != KINDS.index("none")
     )
     motion, information = as_pose_edge(graph, band)
     assert information[0, 0] < 1e-3 and np.count_nonzero(information) == 3
     assert motion[2] in links.mixture(band).rotation_means
-    silent = [k for k in range(len(links)) if not links.mixture(k).num_components]
-    assert silent and all(as_pose_edge(graph, k) is None for k in silent)
+    nothing = links.kind == KINDS.index("none")
+    silent = [k for k in range(len(links)) if nothing[k] or not links.mixture(k).num_components]
+    assert nothing.any() and all(as_pose_edge(graph, k) is None for k in silent)
+
+
+@pytest.mark.parametrize(
+    "mixture",
+    [
+        # as sharp along the rotation as can be, and as broad
+        mode_of([400.0, 400.0], 400.0),
+        mode_of([900.0, 4.0], -60.0),
+        mode_of([0.0, 0.0], 0.0),
+        mode_of([0.0, 50.0], 0.0),
+        VonMisesMixture(
+            rotation_weights=np.ones(1),
+            rotation_means=np.array([0.4]),
+            rotation_concentrations=np.zeros(1),
+        ),
+    ],
+)
+def test_the_limits_of_a_mixture_make_an_edge_that_is_read_again(
+    tmp_path: Path, mixture: VonMisesMixture
+) -> None:
+    poses = np.array([[0.0, 0.0, 0.1], [1.0, 0.5, 0.3]])
+    graph = PoseGraph.from_odometry(poses, links_of(np.array([[0, 1]]), [mixture]))
+    motion, information = as_pose_edge(graph, 0)
+    assert np.isfinite(motion).all() and np.isfinite(information).all()
+    assert np.linalg.eigvalsh(information)[0] > 0.0
+    write_g2o(tmp_path / "map.g2o", graph, edges=np.array([0]))
+    assert len(read_g2o(tmp_path / "map.g2o").odometry) == 2
 
 
 def test_gtsam_reads_the_same(tmp_path: Path) -> None:

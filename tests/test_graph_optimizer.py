@@ -12,10 +12,11 @@ from graphs import CONCENTRATION, links_of, loop, mode, near_pairs, simulated_gr
 from pflut.alignment import align_poses
 from pflut.evaluation import root_mean_square, trajectory_errors
 from pflut.geometry import FloatArray, relative_headings, relative_pose, wrap_to_pi
-from pflut.mapping.constraint import PoseConstraint
+from pflut.mapping.constraint import KINDS, PoseConstraint
 from pflut.mapping.graph_optimizer import optimize_graph
 from pflut.mapping.graph_residuals import headings, odometry_residuals
 from pflut.mapping.graph_system import GraphSystem
+from pflut.mapping.link_terms import LinkTerms
 from pflut.mapping.links import Links
 from pflut.mapping.pose_graph import PoseGraph
 from pflut.von_mises.mixture import VonMisesMixture
@@ -189,7 +190,7 @@ def test_a_band_constrains_the_rotation_only() -> None:
     graph = PoseGraph.from_odometry(truth, links)
     found = optimize_graph(graph, **EXACT)
     turn = wrap_to_pi(found.poses[3, 2] - found.poses[0, 2] - psi - 0.05)
-    assert abs(turn) < 1e-3 and abs(found.link_probability[0]) > 0.9
+    assert abs(turn) < 1e-3 and found.link_probability[0] > 0.9
     system = GraphSystem(graph, "mixture", 1e-4, 1e-4)
     _, jacobian = system.linearized(graph.poses, np.ones(1))
     of_link = jacobian.toarray()[-2:]
@@ -204,6 +205,24 @@ def test_links_that_say_nothing_change_nothing() -> None:
     found = optimize_graph(PoseGraph.from_odometry(truth, nothing))
     np.testing.assert_allclose(found.poses[:, :2], truth[:, :2], atol=1e-9)
     assert not found.link_probability.any()
+
+
+def test_links_of_the_kind_none_hold_nothing_whatever_their_mixture_says() -> None:
+    truth = loop()
+    graph = simulated_graph(truth, np.random.default_rng(6))
+    pairs = near_pairs(truth)
+    sharp = links_of(pairs, [mode(np.array([0.5, 1.0]))] * len(pairs), 0.99)
+    silent = replace(sharp, kind=np.full(len(pairs), KINDS.index("none")))
+    for loss in LOSSES:
+        alone = optimize_graph(graph, loss=loss)
+        found = optimize_graph(
+            graph.with_links(Links.concatenate([silent, graph.links])), loss=loss
+        )
+        np.testing.assert_allclose(found.poses, alone.poses, atol=1e-6)
+        assert not found.link_probability[: len(pairs)].any()
+    # of another kind, they would not be nothing
+    assert len(LinkTerms.of(sharp).component) == len(pairs)
+    assert not len(LinkTerms.of(silent).component)
 
 
 def test_a_graph_of_one_node_or_without_links() -> None:

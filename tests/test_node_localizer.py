@@ -58,7 +58,7 @@ def walk_matrix(made: TopologicalMap, hops: float, carried_away: float = 0.0) ->
     return (1.0 - carried_away) * moved + carried_away / len(made)
 
 
-@pytest.mark.parametrize("hops", [0.0, 0.3, 1.0, 7.0, 60.0])
+@pytest.mark.parametrize("hops", [0.0, 0.3, 1.0, 7.0, 60.0, 1000.0])
 def test_the_walk_is_the_exponential_of_its_matrix(hops: float) -> None:
     made = small_map()
     walk = NodeWalk(hops=hops, carried_away=0.01)
@@ -66,6 +66,13 @@ def test_the_walk_is_the_exponential_of_its_matrix(hops: float) -> None:
     for node in range(len(made)):
         moved = walk.predict(made, np.eye(len(made))[node])
         np.testing.assert_allclose(moved, expected[:, node], atol=1e-10)
+
+
+def test_a_walk_without_end_spreads_over_what_is_linked() -> None:
+    made = small_map()
+    moved = NodeWalk(carried_away=0.0).predict(made, np.eye(6)[0], [1e9, 0.0, 0.0])
+    leaving = np.bincount(made.edges.ravel(), np.repeat(made.probability, 2), 6)
+    np.testing.assert_allclose(moved, leaving / leaving.sum(), atol=1e-9)
 
 
 def test_odometry_says_how_many_hops() -> None:

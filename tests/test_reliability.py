@@ -99,6 +99,18 @@ def test_intervals_over_groups_know_that_their_events_are_dependent() -> None:
     assert share_interval([25] * 20, [50] * 20) == (0.5, 0.5)
 
 
+def test_an_interval_over_groups_is_that_of_their_mean() -> None:
+    # sums of any sign; groups are of one size, so the mean is that of the groups
+    sums = np.random.default_rng(1).normal(3.0, 10.0, 400)
+    low, high = share_interval(sums, np.full(400, 10), resamples=10_000)
+    spread = sums.std() / 10.0 / np.sqrt(400)
+    middle = sums.mean() / 10.0
+    # of a quantile of so many draws the standard error is some 3 % of the spread
+    np.testing.assert_allclose(
+        [low, high], middle + 1.96 * spread * np.array([-1, 1]), atol=0.15 * spread
+    )
+
+
 def test_a_pair_is_drawn_as_often_as_both_of_its_images() -> None:
     ends = np.array([(i, j) for i in range(10) for j in range(i)])
     draws = draws_of_pairs(ends, resamples=4000, rng=3)

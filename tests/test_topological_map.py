@@ -118,6 +118,25 @@ def test_only_what_a_constraint_knows_is_told() -> None:
         made.heading(1, 2)
 
 
+def test_headings_and_rotation_are_of_one_mode() -> None:
+    # the heaviest component stands alone, two beside each other are heavier, a band is between
+    mixture = VonMisesMixture(
+        weights=np.array([0.36, 0.24, 0.2]),
+        means=np.array([[2.0, 0.0], [1.0, -2.0], [1.1, -2.02]]),
+        concentrations=np.full((3, 2), 900.0),
+        couplings=np.zeros(3),
+        rotation_weights=np.array([0.2]),
+        rotation_means=np.array([-0.7]),
+        rotation_concentrations=np.array([90.0]),
+    )
+    constraint = PoseConstraint("pose", mixture, 1.0, 0.0)
+    made = TopologicalMap.from_links(links_of([[0, 1]], constraints=[constraint]), 2)
+    shares = np.array([0.24, 0.2]) / 0.44
+    np.testing.assert_allclose(made.headings[0], shares @ mixture.means[1:])
+    turn = made.headings[0, 0] - made.headings[0, 1] + np.pi
+    assert wrap_to_pi(made.rotation[0] - turn) == pytest.approx(0.0, abs=1e-12)
+
+
 def test_the_most_probable_way() -> None:
     indices = [[0, 1], [0, 2], [1, 2], [3, 4]]
     made = TopologicalMap.from_links(links_of(indices, [0.95, 0.6, 0.9, 0.9]), 5)
@@ -150,7 +169,7 @@ def test_the_file(tmp_path: Path) -> None:
     # any program reads it
     graph = networkx.read_graphml(path)
     assert graph.nodes["3"] == {"name": "image 3 & <ü>", "place": 1}
-    assert graph.edges["0", "1"]["heading_first"] == made.headings[0, 0]
+    assert graph.edges["0", "1"]["heading_l"] == made.headings[0, 0]
     assert "rotation" not in graph.edges["0", "2"]
     alone = TopologicalMap.from_links(links_of([]), 1)
     alone.save(path)

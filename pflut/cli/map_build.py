@@ -10,12 +10,11 @@ from pflut.cli.arguments import (
     Subparsers,
     add_dataset,
     add_verb,
-    as_json,
-    command_line,
     natural,
     positive,
     replay_options,
 )
+from pflut.cli.map_folder import add_output, needs, write_run
 from pflut.cli.map_links import add_link_options, linked
 
 if TYPE_CHECKING:
@@ -53,12 +52,7 @@ def add_parser(actions: Subparsers) -> None:
         examples=_EXAMPLES,
     )
     add_dataset(parser)
-    parser.add_argument(
-        "--output",
-        metavar="DIR",
-        type=Path,
-        help="folder of the results (default: results/<date>_<time>_<dataset>-map)",
-    )
+    add_output(parser, "map")
     parser.add_argument(
         "--images",
         choices=("all", "references", "queries"),
@@ -71,7 +65,7 @@ def add_parser(actions: Subparsers) -> None:
         help="simulate odometry from the ground truth, even where the dataset has some",
     )
     parser.add_argument(
-        "--seed", metavar="N", type=natural, default=0, help="of it (default: %(default)s)"
+        "--seed", metavar="N", type=natural, help="of --simulate-odometry (default: 0)"
     )
     parser.add_argument(
         "--max-images", metavar="N", type=positive, help="the first N images (default: all)"
@@ -89,15 +83,17 @@ def add_parser(actions: Subparsers) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Build the map, write it and print how good it is."""
+    if arguments.seed is not None and not arguments.simulate_odometry:
+        arguments.parser.error("argument --seed: only allowed with --simulate-odometry")
+    arguments.seed = arguments.seed or 0
     options = replay_options(arguments)
+    needs("scipy.sparse", extra="mapping", what="pflut map build")
 
-    from pflut._files import write_json
     from pflut.cli.loading import load
     from pflut.cli.progress import Bars
     from pflut.mapping.drive_images import drive_images
     from pflut.mapping.graph_optimizer import optimize_graph
     from pflut.mapping.pose_graph import PoseGraph
-    from pflut.results import create_results_folder, run_record
 
     with Bars() as bars:
         whole = load(arguments.dataset, None, progress=bars)
@@ -108,23 +104,12 @@ def run(arguments: argparse.Namespace) -> None:
             max_images=arguments.max_images,
             seed=arguments.seed,
         )
-        begun = arguments.output is not None and (arguments.output / "settings.json").is_file()
-        folder = create_results_folder(arguments.output, f"{whole.name} map", overwrite=begun)
-        links = linked(arguments, drive, options, folder, bars)
+        links, folder = linked(arguments, drive, options, f"{whole.name} map", bars)
     graph = PoseGraph.from_odometry(drive.odometry, links)  # type: ignore[arg-type]
-    try:
-        found = optimize_graph(graph)
-    except ImportError as error:
-        raise ValueError(str(error)) from None
+    found = optimize_graph(graph)
     errors = _errors(drive, graph, found)
     _write(folder, drive, graph, found, errors, arguments)
-    record = run_record(
-        command_line(),
-        dataset=whole.name,
-        images=[path.name for path in drive.image_paths],
-        arguments=as_json(arguments),
-    )
-    write_json(folder / "run.json", record)
+    write_run(folder, arguments, whole.name, [path.name for path in drive.image_paths])
     if arguments.simulate_odometry:
         print("note: odometry is simulated from the ground truth")
     print(_report(drive, found, errors))
@@ -133,16 +118,15 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _errors(drive: Dataset, graph: PoseGraph, found: OptimizedGraph) -> dict[str, MapErrors]:
     """Compare odometry and the map with the truth, where two true poses at least are known."""
-    import numpy as np
-
+    from pflut.cli.map_frame import truth_known
     from pflut.mapping.map_errors import MapErrors
 
-    truth = drive.ground_truth
-    if truth is None or np.isfinite(truth).all(axis=1).sum() < 2:
+    if not truth_known(drive):
         return {}
+    trajectories = {"odometry": graph.poses, "pose_graph": found.poses}
     return {
-        "odometry": MapErrors.of(graph.poses, truth),
-        "pose_graph": MapErrors.of(found.poses, truth),
+        name: MapErrors.of(poses, drive.ground_truth)  # type: ignore[arg-type]
+        for name, poses in trajectories.items()
     }
 
 
@@ -158,11 +142,11 @@ def _write(
     import numpy as np
 
     from pflut._files import write_json
-    from pflut.alignment import align_poses
     from pflut.mapping.g2o import write_g2o
+    from pflut.mapping.links import LINKED
     from pflut.trajectory import Trajectory, write_tum
 
-    believed = np.flatnonzero(found.link_probability > 0.5)
+    believed = np.flatnonzero(found.link_probability >= LINKED)
     write_g2o(folder / "map.g2o", found.graph, edges=believed if arguments.plain_links else None)
     truth = drive.ground_truth
     trajectories = {"poses": found.poses, "odometry": graph.poses, "groundtruth": truth}
@@ -173,7 +157,7 @@ def _write(
     metrics: dict[str, Any] = {
         "images": len(drive),
         "pairs": len(graph.links),
-        "linked": int((graph.links.probability > 0.5).sum()),
+        "linked": int((graph.links.probability >= LINKED).sum()),
         "believed": len(believed),
         "converged": found.converged,
         **{name: those.as_dict() for name, those in errors.items()},
@@ -181,12 +165,24 @@ def _write(
     write_json(folder / "metrics.json", metrics)
     if arguments.no_figures:
         return
+    title = f"{drive.name}: {len(drive)} images, {len(believed)} links"
+    _draw(folder, drive, graph, found, title)
+
+
+def _draw(
+    folder: Path, drive: Dataset, graph: PoseGraph, found: OptimizedGraph, title: str
+) -> None:
+    """Write the figure: over the floor plan only where the truth says how the map lies in it."""
+    from pflut.alignment import align_poses
+    from pflut.cli.map_frame import WITHOUT_TRUTH, truth_known, without_plan
     from pflut.plot import save_figure
     from pflut.plot.pose_graph import plot_pose_graph
 
-    shown = [found.poses, graph.poses]
-    if errors:
+    shown, truth, note = [found.poses, graph.poses], drive.ground_truth, None
+    if truth_known(drive):
         shown = [align_poses(poses, truth) for poses in shown]  # type: ignore[arg-type]
+    else:
+        drive, truth, note = without_plan(drive, found.poses), None, WITHOUT_TRUTH
     (folder / "figures").mkdir(exist_ok=True)
     save_figure(
         plot_pose_graph(
@@ -196,7 +192,8 @@ def _write(
             found.link_probability,
             odometry=shown[1],
             ground_truth=truth,
-            title=f"{drive.name}: {len(drive)} images, {len(believed)} links",
+            note=note,
+            title=title,
         ),
         folder / "figures" / "map.png",
     )
@@ -204,14 +201,21 @@ def _write(
 
 def _report(drive: Dataset, found: OptimizedGraph, errors: dict[str, MapErrors]) -> str:
     """Say what the map is made of and how wrong it is."""
+    from pflut.cli.map_frame import WITHOUT_TRUTH
+    from pflut.mapping.links import LINKED
+
     links = found.graph.links
+    counts = (p >= LINKED for p in (links.probability, found.link_probability))
+    linked_pairs, believed = (int(those.sum()) for those in counts)
     lines = [
-        f"{drive.name}: {len(drive)} images, {len(links)} pairs, "
-        f"{(links.probability > 0.5).sum()} linked, {(found.link_probability > 0.5).sum()} believed"
+        f"{drive.name}: {len(drive)} images, {len(links)} pairs, {linked_pairs} linked, "
+        f"{believed} believed"
     ]
     if not found.converged:
         lines.append("note: the poses still moved by more than a millimetre when the search ended")
-    if errors:
+    if not errors:
+        lines.append(f"note: {WITHOUT_TRUTH}")
+    else:
         lines += [
             "",
             f"{'':<12}{'position':>10}{'largest':>10}{'from start':>12}{'heading':>10}",

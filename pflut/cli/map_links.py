@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,13 +14,12 @@ from pflut.cli.arguments import (
     add_dataset,
     add_replay_options,
     add_verb,
-    as_json,
-    command_line,
     feature_cache,
     natural,
     positive,
     replay_options,
 )
+from pflut.cli.map_folder import add_output, needs, open_links_folder, write_run
 from pflut.replay.options import ReplayOptions
 
 if TYPE_CHECKING:
@@ -47,8 +47,9 @@ for each pair the probability that it is linked, that is, shows one place, and t
 its matches put on the relative pose, a mixture of von Mises distributions.
 
 Pairs are kept in the output folder in batches, as soon as they are done: the same command goes on
-where it was interrupted. Neither that, nor the number of processes, nor a cluster changes a byte
-of links.npz.
+where it was interrupted. Neither that, nor the number of processes, nor a cluster of workers with
+nannies that are there at the start changes a byte of links.npz; but where the kernels are not
+compiled yet, as after an installation, --jobs 1 may change last digits.
 
 A cluster needs pip install "pflut[cluster]" here, and pflut on its workers:
 dask scheduler; dask worker ADDRESS; pflut map links DATASET --scheduler ADDRESS"""
@@ -71,12 +72,7 @@ def add_parser(actions: Subparsers) -> None:
         examples=_EXAMPLES,
     )
     add_dataset(parser)
-    parser.add_argument(
-        "--output",
-        metavar="DIR",
-        type=Path,
-        help="folder of the results (default: results/<date>_<time>_<dataset>-links)",
-    )
+    add_output(parser, "links")
     add_link_options(parser)
     parser.set_defaults(run=run, parser=parser)
 
@@ -93,14 +89,14 @@ def add_link_options(parser: argparse.ArgumentParser) -> None:
         "--neighbours",
         metavar="N",
         type=natural,
-        default=1,
-        help="and in any case with the N images before and after it (default: %(default)s)",
+        help="with --max-candidates: and in any case with the N images before and after it "
+        "(default: 1)",
     )
     parser.add_argument(
         "--link-model",
-        metavar="FILE",
-        type=Path,
-        help="what judges whether images are linked (default: that of the table and the camera)",
+        metavar="NAME|FILE",
+        help="what judges whether images are linked: panorama, home, perspective (for cameras in "
+        "rooms; far too sure on a road), or a file (default: that of the table and the camera)",
     )
     parser.add_argument(
         "--prior",
@@ -127,41 +123,36 @@ def run(arguments: argparse.Namespace) -> None:
     """Link the pairs, and print what there is."""
     options = replay_options(arguments)
 
-    from pflut._files import write_json
     from pflut.cli.loading import load
     from pflut.cli.progress import Bars
-    from pflut.results import create_results_folder, run_record
 
     with Bars() as bars:
         dataset = load(arguments.dataset, None, progress=bars)
-        begun = arguments.output is not None and _begun(arguments.output)
-        folder = create_results_folder(arguments.output, f"{dataset.name} links", overwrite=begun)
-        links = linked(arguments, dataset, options, folder, bars)
-    record = run_record(
-        command_line(),
-        dataset=dataset.name,
-        images=[path.name for path in dataset.image_paths],
-        arguments=as_json(arguments),
-    )
-    write_json(folder / "run.json", record)
+        links, folder = linked(arguments, dataset, options, f"{dataset.name} links", bars)
+    write_run(folder, arguments, dataset.name, [path.name for path in dataset.image_paths])
     print(_report(dataset, links))
     print(f"results: {folder}")
 
 
-def _begun(folder: Path) -> bool:
-    """Whether a folder holds pairs of a former run, or nothing but its features."""
-    if (folder / "settings.json").is_file():
-        return True
-    return folder.is_dir() and [path.name for path in folder.iterdir()] == ["work"]
+def given_link_options(arguments: argparse.Namespace) -> list[str]:
+    """Say which arguments of `add_link_options` were given."""
+    given = [
+        name
+        for name in ("max_candidates", "neighbours", "link_model", "prior", "jobs", "scheduler")
+        if getattr(arguments, name) is not None
+    ]
+    given += [name for name in LINK_OPTIONS if hasattr(arguments, name)]
+    given += ["no_cache"] * arguments.no_cache
+    return [f"--{name.replace('_', '-')}" for name in given]
 
 
 def linked(
     arguments: argparse.Namespace,
     dataset: Dataset,
     options: ReplayOptions,
-    folder: Path,
+    name: str,
     bars: Bars,
-) -> Links:
+) -> tuple[Links, Path]:
     """Link the images of a dataset as the arguments of `add_link_options` say.
 
     Parameters
@@ -170,13 +161,15 @@ def linked(
     dataset : Dataset
     options : ReplayOptions
         Of the features and the likelihood table.
-    folder : Path
-        Gets ``links.npz``; what it holds of it already is not done again.
+    name : str
+        What a new folder is named after.
     bars : Bars
 
     Returns
     -------
     Links
+    Path
+        The folder that holds them; what it held already is not done again.
 
     Raises
     ------
@@ -196,6 +189,11 @@ def linked(
     if not isinstance(table, LikelihoodTable):
         raise ValueError(f"{options.table}: a dense table, expected a residual one")
     model = _link_model(arguments.link_model, options.table, dataset)
+    if arguments.scheduler is not None:
+        needs("distributed", extra="cluster", what="--scheduler")
+        # what happens to the cluster is told in one line of ours
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    folder = open_links_folder(arguments.output, name)
     counted = (0, 0)
 
     def progress(done: int, total: int) -> None:
@@ -204,7 +202,7 @@ def linked(
         bars("pairs", done, total)
 
     try:
-        return all_pairs(
+        links = all_pairs(
             dataset_features(
                 dataset,
                 make_extractor(dataset, options),
@@ -214,7 +212,7 @@ def linked(
             folder,
             table,
             max_candidates=arguments.max_candidates,
-            neighbours=arguments.neighbours,
+            neighbours=1 if arguments.neighbours is None else arguments.neighbours,
             options=LinkOptions(
                 ratio=options.ratio,
                 mutual=options.mutual,
@@ -227,28 +225,33 @@ def linked(
             scheduler=arguments.scheduler,
             progress=progress,
         )
-    except ImportError as error:
-        raise ValueError(str(error)) from None
     except KeyboardInterrupt:
         done = f"{counted[0]} of {counted[1]} pairs are" if counted[1] else "no pair is"
         raise KeyboardInterrupt(
             f"{done} kept in {folder}; the same command with --output {folder} goes on"
         ) from None
+    except (OSError, ValueError):
+        # nothing has been kept: leave nothing
+        if not any(folder.iterdir()):
+            folder.rmdir()
+        raise
+    return links, folder
 
 
-def _link_model(path: Path | None, table: str, dataset: Dataset) -> LinkModel:
-    """Load the model that judges evidence of a table, or that of a file."""
-    from pflut.mapping.link_model import LinkModel, link_model_name
+def _link_model(chosen: str | None, table: str, dataset: Dataset) -> LinkModel:
+    """Load the model that was named, or that which judges evidence of a table."""
+    from pflut.mapping.link_model import SHIPPED, LinkModel, link_model_name
 
-    if path is not None:
-        return LinkModel.load(path)
-    name = link_model_name(table, dataset.camera)
+    if chosen is not None and chosen not in SHIPPED:
+        return LinkModel.load(chosen)
+    name = chosen or link_model_name(table, dataset.camera)
     if name is None:
         raise ValueError(
             f"{dataset.name}: no link model comes with pflut for the table {table!r} and this "
-            "camera, expected --link-model"
+            "camera, expected --link-model: perspective (with the default table, for cameras that "
+            "look ahead in rooms; far too sure on a road), or a file"
         )
-    return LinkModel.default(name)
+    return LinkModel.default(name)  # type: ignore[arg-type]
 
 
 def _report(dataset: Dataset, links: Links) -> str:
@@ -256,19 +259,20 @@ def _report(dataset: Dataset, links: Links) -> str:
     import numpy as np
 
     from pflut.mapping.constraint import KINDS
+    from pflut.mapping.links import LINKED
 
     lines = [
         f"{dataset.name}: {len(dataset)} images, {len(links)} pairs",
         "",
         f"{'constraint':<12}{'pairs':>9}{'linked':>9}",
     ]
-    probable = links.probability > 0.5
+    probable = links.probability >= LINKED
     for code, kind in enumerate(KINDS):
         those = links.kind == code
         lines.append(f"{kind:<12}{those.sum():>9}{(those & probable).sum():>9}")
     lines.append(f"{'all':<12}{len(links):>9}{probable.sum():>9}")
     images = len(np.unique(links.indices[probable]))
-    lines += ["", f"linked: probability above 0.5; {images} images have such links"]
+    lines += ["", f"linked: probability of at least {LINKED}; {images} images have such links"]
     return "\n".join(lines)
 
 

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 from pflut.cli.arguments import (
     Subparsers,
     add_verb,
-    as_json,
-    command_line,
     natural,
     replay_options,
 )
-from pflut.cli.map_links import add_link_options, linked, share
+from pflut.cli.map_folder import FoundLinks, add_output, needs, write_run
+from pflut.cli.map_links import add_link_options, given_link_options, linked, share
 
 if TYPE_CHECKING:
     from pflut.datasets.base import Dataset
@@ -58,12 +57,7 @@ def add_parser(actions: Subparsers) -> None:
         metavar="LINKS|DATASET",
         help="a folder of pflut map links, or a dataset: simulated-home, a folder, ...",
     )
-    parser.add_argument(
-        "--output",
-        metavar="DIR",
-        type=Path,
-        help="folder of the results (default: results/<date>_<time>_<dataset>-places)",
-    )
+    add_output(parser, "places")
     parser.add_argument(
         "--min-probability",
         metavar="P",
@@ -93,36 +87,32 @@ def add_parser(actions: Subparsers) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Make the map, write it and print its places."""
     options = replay_options(arguments)
+    needs("networkx", extra="mapping", what="pflut map places")
+    # which draws large maps with it
+    needs("scipy", extra="mapping", what="pflut map places")
 
     from pflut._files import write_json
     from pflut.mapping.topological_map import TopologicalMap
-    from pflut.results import run_record
 
-    source = Path(arguments.dataset)
-    if (source / "links.npz").is_file():
-        links, names, dataset, name, folder = _of_folder(arguments, source)
-    else:
+    found = FoundLinks.read(Path(arguments.dataset))
+    if found is None:
         links, names, dataset, name, folder = _of_dataset(arguments, options)
-    try:
-        made = TopologicalMap.from_links(
-            links,
-            len(names),
-            min_probability=arguments.min_probability,
-            resolution=arguments.resolution,
-            names=names,
-            rng=arguments.seed,
-        )
-        made.save(folder / "topological_map.graphml")
-        positions, over, note = _positions(made, dataset)
-    except ImportError as error:
-        raise ValueError(str(error)) from None
+    else:
+        links, names, dataset, name, folder = _of_folder(arguments, found)
+    made = TopologicalMap.from_links(
+        links,
+        len(names),
+        min_probability=arguments.min_probability,
+        resolution=arguments.resolution,
+        names=names,
+        rng=arguments.seed,
+    )
+    made.save(folder / "topological_map.graphml")
+    positions, over, note = _positions(made, dataset)
     write_json(folder / "places.json", _content(made, len(links)))
     if not arguments.no_figures:
         _draw(folder, made, positions, over, name, note)
-    record = run_record(
-        command_line(), dataset=name, images=list(names), arguments=as_json(arguments)
-    )
-    write_json(folder / "run.json", record)
+    write_run(folder, arguments, name, names)
     print(_report(name, made, len(links), note))
     print(f"results: {folder}")
 
@@ -131,82 +121,50 @@ Found = tuple["Links", tuple[str, ...], "Dataset | None", str, Path]
 """Links, the names of their images, the dataset of these images, its name, and the results."""
 
 
-def _of_folder(arguments: argparse.Namespace, source: Path) -> Found:
-    """Read the links of a folder, and the dataset that they are of, if it is there still."""
-    from pflut._files import read_json
-    from pflut.cli.loading import load
+def _of_folder(arguments: argparse.Namespace, found: FoundLinks) -> Found:
+    """Take the links of a folder, and the dataset that they are of, if it is there still."""
     from pflut.cli.progress import Bars
-    from pflut.mapping.links import Links
     from pflut.results import create_results_folder
 
-    links = Links.load(source / "links.npz")
-    record = read_json(source / "run.json")
-    name, names = str(record.get("dataset")), tuple(map(str, record.get("images", ())))
-    if len(names) < 2:
-        raise ValueError(f"{source / 'run.json'}: names no images, expected that of pflut map")
-    of = str(record.get("arguments", {}).get("dataset"))
-    dataset: Dataset | None = None
-    try:
-        with Bars() as bars:
-            dataset = _only(load(of, None, progress=bars), names)
-    except (OSError, ValueError):
-        pass  # links of images that are elsewhere have places all the same
-    folder = create_results_folder(arguments.output, f"{name} places")
-    return links, names, dataset, name, folder
+    ignored = given_link_options(arguments)
+    if ignored:
+        plural = "s" * (len(ignored) > 1)
+        arguments.parser.error(
+            f"argument{plural} {', '.join(ignored)}: without effect on links that are there"
+        )
+    with Bars() as bars:
+        dataset = found.dataset(bars)
+    folder = create_results_folder(arguments.output, f"{found.name} places")
+    return found.links, found.images, dataset, found.name, folder
 
 
 def _of_dataset(arguments: argparse.Namespace, options: ReplayOptions) -> Found:
     """Link the images of a dataset."""
     from pflut.cli.loading import load
     from pflut.cli.progress import Bars
-    from pflut.results import create_results_folder
 
     with Bars() as bars:
         dataset = load(arguments.dataset, None, progress=bars)
-        begun = arguments.output is not None and (arguments.output / "settings.json").is_file()
-        folder = create_results_folder(arguments.output, f"{dataset.name} places", overwrite=begun)
-        links = linked(arguments, dataset, options, folder, bars)
+        links, folder = linked(arguments, dataset, options, f"{dataset.name} places", bars)
     return links, tuple(path.name for path in dataset.image_paths), dataset, dataset.name, folder
-
-
-def _only(dataset: Dataset, names: tuple[str, ...]) -> Dataset:
-    """Return a dataset of some of the images, by their names."""
-    from dataclasses import replace
-
-    import numpy as np
-
-    number = {path.name: k for k, path in enumerate(dataset.image_paths)}
-    if len(number) < len(dataset) or not number.keys() >= set(names):
-        raise ValueError(f"{dataset.name}: other images")
-    chosen = np.array([number[name] for name in names])
-    truth, odometry = dataset.ground_truth, dataset.odometry
-    return replace(
-        dataset,
-        stamps=dataset.stamps[chosen],
-        image_paths=tuple(dataset.image_paths[k] for k in chosen),
-        ground_truth=None if truth is None else truth[chosen],
-        odometry=None if odometry is None else odometry[chosen],
-        reference_indices=np.empty(0, np.intp),
-        query_indices=np.arange(len(chosen)),
-    )
 
 
 def _positions(
     made: TopologicalMap, dataset: Dataset | None
 ) -> tuple[FloatArray, Dataset | None, str | None]:
     """Say where to draw the images and over what, and a note if not where they were taken."""
-    from dataclasses import replace
-
     import numpy as np
 
+    from pflut.cli.map_frame import WITHOUT_TRUTH, truth_known, without_plan
+
     if dataset is not None:
-        truth, odometry = dataset.ground_truth, dataset.odometry
-        if truth is not None and np.isfinite(truth).all(axis=1).any():
-            return truth, dataset, None
+        odometry = dataset.odometry
+        if truth_known(dataset):
+            return dataset.ground_truth, dataset, None  # type: ignore[return-value]
         if odometry is not None and np.isfinite(odometry).all(axis=1).any():
-            over = replace(dataset, ground_truth=odometry, floor_plan=None)
-            return odometry, over, "no true poses are known: drawn where odometry says"
-    return made.layout(), None, "no poses are known: linked images are drawn near each other"
+            return odometry, without_plan(dataset, odometry), WITHOUT_TRUTH
+    why = "the dataset was not found" if dataset is None else "no poses are known"
+    return made.layout(), None, f"{why}: linked images are drawn near each other"
 
 
 def _content(made: TopologicalMap, pairs: int) -> dict[str, Any]:

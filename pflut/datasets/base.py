@@ -214,6 +214,40 @@ class Dataset:
             query_indices=queries if everything else np.setdiff1d(queries, chosen),
         )
 
+    def select(self, indices: ArrayLike) -> Dataset:
+        """Return some of the images by themselves, with what is known of them.
+
+        Parameters
+        ----------
+        indices : array_like of int
+            Of the images, ascending.
+
+        Returns
+        -------
+        Dataset
+            None of its images is a reference, and all are queries.
+
+        Raises
+        ------
+        ValueError
+            If an index is none, or they do not ascend.
+        """
+        chosen = np.asarray(indices, dtype=np.intp)
+        if chosen.ndim != 1 or ((chosen < 0) | (chosen >= len(self))).any():
+            raise ValueError(f"indices: expected those of {len(self)} images, got {indices!r}")
+        if (np.diff(chosen) <= 0).any():
+            raise ValueError(f"indices: expected numbers that ascend, got {indices!r}")
+        truth, odometry = self.ground_truth, self.odometry
+        return replace(
+            self,
+            stamps=self.stamps[chosen],
+            image_paths=tuple(self.image_paths[index] for index in chosen.tolist()),
+            ground_truth=None if truth is None else truth[chosen],
+            odometry=None if odometry is None else odometry[chosen],
+            reference_indices=_no_indices(),
+            query_indices=np.arange(len(chosen), dtype=np.intp),
+        )
+
     def with_odometry(self, odometry: ArrayLike) -> Dataset:
         """Return the same dataset with other odometry, (n, 3)."""
         return replace(self, odometry=np.asarray(odometry, dtype=np.float64))

@@ -82,8 +82,7 @@ def load_simulated_home(
     blur = float(motion_blur)
     if not 0.0 <= blur < 1.0:
         raise ValueError(f"motion_blur: expected seconds in [0, 1), got {motion_blur!r}")
-    root = (user_cache_dir() if cache_dir is None else Path(cache_dir)) / "simulated-home"
-    folder = root / f"v{RENDERER_VERSION}-seed{seed}-people{people}-blur{blur:g}"
+    folder = _folder(seed, people, blur, cache_dir)
     if not folder.is_dir():
         try:
             render_simulated_home(folder, seed, people=people, motion_blur=blur, progress=progress)
@@ -92,6 +91,16 @@ def load_simulated_home(
             if not folder.is_dir():
                 raise
     return load_folder(folder)
+
+
+def is_rendered(seed: int = 0) -> bool:
+    """Say whether a home without people and blur is in the user's cache folder."""
+    return _folder(seed, 0, 0.0, None).is_dir()
+
+
+def _folder(seed: int, people: int, blur: float, cache_dir: str | os.PathLike[str] | None) -> Path:
+    root = (user_cache_dir() if cache_dir is None else Path(cache_dir)) / "simulated-home"
+    return root / f"v{RENDERER_VERSION}-seed{seed}-people{people}-blur{blur:g}"
 
 
 def render_simulated_home(

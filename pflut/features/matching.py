@@ -66,7 +66,7 @@ def match_indices(
     Parameters
     ----------
     reference, query : Features
-        With the same kind of descriptor.
+        With the same kind of descriptor, or without any.
     ratio : float
         In (0, 1]. Lowe's 0.8 keeps some 90 % of the true matches.
     mutual : bool
@@ -98,9 +98,13 @@ def _matched(
     """Do what `match_indices` says, in memory that the caller may have."""
     if not 0.0 < ratio <= 1.0:
         raise ValueError(f"ratio: expected a number in (0, 1], got {ratio!r}")
+    if not len(reference) or not len(query):
+        # an image without features has descriptors of no kind
+        none = np.empty(0, dtype=np.intp)
+        return none, none, np.empty(0)
     scores = similarity_scores(reference, query, buffer)
     n, m = scores.shape
-    if n < 2 or m == 0:
+    if n < 2:
         none = np.empty(0, dtype=np.intp)
         return none, none, np.empty(0)
     nearest, second = np.empty(m, dtype=np.float32), np.empty(m, dtype=np.float32)

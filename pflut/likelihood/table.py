@@ -13,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pflut._files import checksum
 from pflut.correspondences import Correspondences
 from pflut.geometry import FloatArray
 from pflut.likelihood.axes import (
@@ -159,6 +160,14 @@ class LikelihoodTable:
         cumulative = np.cumsum(density)
         median = float(np.searchsorted(cumulative, 0.5 * cumulative[-1])) / 4096.0 * nodes[-1]
         return float(max(median / 0.6745, 1e-4))
+
+    @property
+    def digest(self) -> str:
+        """A hash of what its likelihoods depend on; its bins and how it was learned are none."""
+        arrays = {"density": self.density, "profile": self.profile}
+        if self.quality is not None:
+            arrays["quality"] = self.quality
+        return checksum(float(self.mismatch).hex(), arrays)
 
     @property
     def prior_odds(self) -> float:

@@ -2,7 +2,9 @@
 
 The folder of a run holds ``settings.json``, and in ``work/`` the features in blocks, the pairs, and
 a file for each batch that is done. In the end they become ``links.npz``, the same bytes whatever
-the number of processes or machines and wherever the run was interrupted.
+the number of processes or machines and wherever the run was interrupted. One thing may change last
+digits: a process that has compiled the kernels itself, as the first one after an installation does.
+With more than one process none of those that work has.
 """
 
 from __future__ import annotations
@@ -17,13 +19,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pflut._files import checksum, replacing
-from pflut._jobs import in_processes, same_settings
+from pflut._jobs import in_processes, refuse_while_importing, same_settings
 from pflut.datasets.base import Dataset
 from pflut.features import FeatureCache, FeatureExtractor, Features
 from pflut.likelihood.table import LikelihoodTable
-from pflut.mapping.cluster import on_cluster
+from pflut.mapping.cluster import check_cluster, on_cluster
 from pflut.mapping.feature_blocks import SCALE, digest_of, in_blocks
-from pflut.mapping.link_model import LinkModel
+from pflut.mapping.link_model import LinkModel, default_link_model
 from pflut.mapping.links import Links
 from pflut.mapping.pair_batches import BATCH, PairBatches
 from pflut.mapping.pair_linker import LinkOptions, PairLinker
@@ -83,7 +85,7 @@ def all_pairs(
     link_model: LinkModel | None = None,
     jobs: int = 1,
     scheduler: str | None = None,
-    batch_size: int = BATCH,
+    batch_size: int | None = None,
     progress: Progress | None = None,
 ) -> Links:
     """Link the pairs of many images.
@@ -102,44 +104,62 @@ def all_pairs(
     max_candidates : int, optional
         Images that are matched with an image: those that look most like it. Default: all.
     neighbours : int
-        The images so many before and after an image are matched with it in any case.
+        With max_candidates the images so many before and after an image are matched with it in
+        any case.
     options : LinkOptions, optional
     link_model : LinkModel, optional
-        That judges evidence of this table. Default: `LinkModel.default`.
+        That judges evidence of this table. Default: `default_link_model` of the table, for
+        panoramas.
     jobs : int
         Processes; 1 works in this one. With more, a script that calls this needs the usual
         ``if __name__ == "__main__":``.
     scheduler : str, optional
         Address of a scheduler of dask.distributed (``tcp://host:8786``): its workers do the work
         instead. They get the features from here, and need pflut, but no file of this machine.
-    batch_size : int
+    batch_size : int, optional
         Pairs that are kept together; of those that are not, the work is lost where a run is killed.
+        Default: 500.
     progress : callable, optional
         Called as ``progress(pairs_done, pairs)``.
 
     Returns
     -------
     Links
-        In the order of their images. The same on machines with the same kind of processor.
+        In the order of their images. The same on machines with the same kind of processor, up to
+        last digits with one process that has compiled kernels itself.
 
     Raises
     ------
     ValueError
-        If the folder holds links of other features, pairs or options; or a pair is none.
+        If an option is out of its range, or a pair is none; no link model comes with pflut for
+        the table; or the folder holds links of other features, pairs or options.
     OSError
         If a file cannot be written, a process is ended from outside, or the scheduler does not
-        answer.
+        answer or is lost.
     ImportError
         If a scheduler is given and dask.distributed is not installed.
     """
+    table = table or LikelihoodTable.default()
     linker = PairLinker(
-        table=table or LikelihoodTable.default(),
+        table=table,
         options=options or LinkOptions(),
-        link_model=link_model or LinkModel.default(),
+        link_model=link_model or default_link_model(table),
     )
-    if batch_size < 1:
-        raise ValueError(f"batch_size: expected at least 1, got {batch_size}")
+    batch_size = BATCH if batch_size is None else batch_size
+    for name, value, least in (
+        ("batch_size", batch_size, 1),
+        ("jobs", jobs, 1),
+        ("max_candidates", max_candidates, 0),
+        ("neighbours", neighbours, 0),
+    ):
+        if value is not None and value < least:
+            raise ValueError(f"{name}: expected at least {least}, got {value}")
+    if jobs > 1:
+        refuse_while_importing("all_pairs")
     target = Path(folder)
+    if scheduler is not None and not (target / "links.npz").is_file():
+        # before the features, which take long
+        check_cluster(scheduler)
     work = target / "work"
     begun = (target / "settings.json").is_file()
     if not begun:
@@ -152,7 +172,8 @@ def all_pairs(
         **linker.record(),
         "pairs": None if wanted is None else checksum("", {"pairs": wanted}),
         "max_candidates": max_candidates,
-        "neighbours": neighbours,
+        # where all pairs are matched, so are neighbours
+        "neighbours": None if max_candidates is None else neighbours,
         "batch_size": batch_size,
     }
     if not begun:
@@ -191,10 +212,11 @@ def _run(
     if scheduler is not None:
         finished = on_cluster(scheduler, batches, linker, missing)
     else:
-        # what a process computes with kernels that it has compiled itself differs in last digits
-        finished = in_processes(
-            partial(_link_batch, batches, linker), missing, jobs=jobs, elsewhere=linker.warm_up()
-        )
+        # processes read kernels that are compiled; what one computes that has compiled them itself
+        # differs in last digits, so a single batch is not done here then
+        elsewhere = jobs > 1 and linker.warm_up()
+        work = partial(_link_batch, batches, linker)
+        finished = in_processes(work, missing, jobs=jobs, elsewhere=elsewhere)
     for number in finished:
         done += len(batches[number])
         if progress is not None:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import suppress
+from concurrent.futures import CancelledError
+from contextlib import contextmanager, suppress
 from itertools import islice
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pflut._extras import require
 from pflut.mapping.feature_blocks import BLOCK, FeatureBlock
 from pflut.mapping.links import Links
 from pflut.mapping.pair_batches import PairBatches
@@ -19,6 +21,27 @@ AHEAD = 3
 """Batches that wait at the scheduler for each thread of a worker."""
 TIMEOUT = 30.0
 """Seconds until a scheduler that does not answer is given up."""
+RESTART_TIMEOUT = 120.0
+"""Seconds that workers have to start again."""
+
+
+def check_cluster(scheduler: str) -> None:
+    """Look whether a scheduler answers and has workers.
+
+    Parameters
+    ----------
+    scheduler : str
+        Its address.
+
+    Raises
+    ------
+    OSError
+        If it does not answer, or has none.
+    ImportError
+        If dask.distributed is not installed.
+    """
+    with _client(scheduler):
+        pass
 
 
 def on_cluster(
@@ -46,32 +69,22 @@ def on_cluster(
     Raises
     ------
     OSError
-        If the scheduler does not answer, or a worker ends again and again.
+        If the scheduler does not answer or ends, or a worker ends again and again.
     ImportError
         If dask.distributed is not installed.
     """
-    try:
-        import distributed
-    except ImportError:
-        raise ImportError(
-            "scheduler: expected dask.distributed, got none; pip install 'pflut[cluster]'"
-        ) from None
+    import distributed
 
-    try:
-        client = distributed.Client(scheduler, timeout=TIMEOUT, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise OSError(f"scheduler: no answer from {scheduler}: {error}") from None
-    with client:
+    with _client(scheduler) as client, _lost_or_killed(scheduler):
         threads = sum(client.nthreads().values())
-        if not threads:
-            raise OSError(f"scheduler: {scheduler} has no workers")
         compiled = client.run(linker.warm_up)
         restarted = [worker for worker, some in compiled.items() if some]
         if restarted:
             # what a process computes with kernels that it has compiled itself differs in last
-            # digits; a worker without a nanny goes on with them
-            with suppress(ValueError):
-                client.restart_workers(restarted, timeout=TIMEOUT)
+            # digits; a worker without a nanny goes on with them, and one that takes long to come
+            # back gets its work later
+            with suppress(ValueError, TimeoutError):
+                client.restart_workers(restarted, timeout=RESTART_TIMEOUT)
         (shared,) = client.scatter([linker], broadcast=True, hash=False)
         sent: dict[int, Any] = {}
 
@@ -87,15 +100,42 @@ def on_cluster(
         waiting = iter(missing)
         first = [submitted(number) for number in islice(waiting, AHEAD * threads)]
         running = distributed.as_completed(first, loop=client.loop)
-        try:
-            for future in running:
-                number, links = future.result()
-                links.save(batches.file(number))
-                for following in islice(waiting, 1):
-                    running.add(submitted(following))
-                yield number
-        except distributed.KilledWorker as error:
-            raise OSError(f"scheduler: workers of {scheduler} ended: {error}") from None
+        for future in running:
+            number, links = future.result()
+            links.save(batches.file(number))
+            for following in islice(waiting, 1):
+                running.add(submitted(following))
+            yield number
+
+
+@contextmanager
+def _client(scheduler: str) -> Iterator[Any]:
+    """Give a connection to a scheduler that has workers."""
+    distributed = require("distributed", extra="cluster", what="scheduler")
+    try:
+        client = distributed.Client(scheduler, timeout=TIMEOUT, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise OSError(f"scheduler: no answer from {scheduler}: {error}") from None
+    with client:
+        if not client.nthreads():
+            raise OSError(f"scheduler: {scheduler} has no workers")
+        yield client
+
+
+@contextmanager
+def _lost_or_killed(scheduler: str) -> Iterator[None]:
+    """Say what has happened to a cluster instead of how it was noticed."""
+    import distributed
+
+    try:
+        yield
+    except distributed.KilledWorker as error:
+        raise OSError(f"scheduler: workers of {scheduler} ended: {error}") from None
+    # a future's, that of what waits for an answer, and that of what still wants to ask
+    except (CancelledError, distributed.comm.CommClosedError, distributed.client.ClosedClientError):
+        raise OSError(
+            f"scheduler: lost {scheduler}; what is done is kept, and the same again goes on"
+        ) from None
 
 
 def _link(

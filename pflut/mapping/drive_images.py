@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pflut.datasets.base import Dataset
-from pflut.simulation.odometry import simulate_odometry
+from pflut.simulation.odometry import odometry_stream, simulate_odometry
 
 Choice = Literal["all", "references", "queries"]
 
@@ -59,17 +58,7 @@ def drive_images(
     chosen = chosen[np.isfinite(source[chosen]).all(axis=1)][:max_images]
     if len(chosen) < 2:
         raise ValueError(f"{dataset.name}: expected 2 images with {what}, got {len(chosen)}")
-    odometry = source[chosen]
-    if simulate:
-        odometry = simulate_odometry(odometry, rng=np.random.default_rng([seed, 14]))
-    truth = dataset.ground_truth
-    none = np.empty(0, dtype=np.intp)
-    return replace(
-        dataset,
-        stamps=dataset.stamps[chosen],
-        image_paths=tuple(dataset.image_paths[index] for index in chosen.tolist()),
-        ground_truth=None if truth is None else truth[chosen],
-        odometry=odometry,
-        reference_indices=none,
-        query_indices=np.arange(len(chosen), dtype=np.intp),
-    )
+    drive = dataset.select(chosen)
+    if not simulate:
+        return drive
+    return drive.with_odometry(simulate_odometry(source[chosen], rng=odometry_stream(seed)))

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pflut.geometry import FloatArray, as_poses
 from pflut.mapping.constraint import KINDS, PoseConstraint
-from pflut.mapping.links import Links
+from pflut.mapping.links import LINKED, Links
 from pflut.von_mises.mixture import VonMisesMixture
 
 FalseKind = Literal["random", "pair", "place"]
@@ -17,6 +17,8 @@ FAR = 3.0
 """Metres between images that a false link joins, at least."""
 PLACE = 6
 """Links of one place that is taken for another."""
+TRIES = 20
+"""For each link that is wanted, before it is said that there are not so many."""
 
 
 def with_false_links(
@@ -36,7 +38,7 @@ def with_false_links(
     ground_truth : array_like of shape (n, 3)
         Where its images were taken.
     share : float
-        Of false ones among all links above a probability of a half, in [0, 1).
+        Of false ones among all links with a probability of a half or more, in [0, 1).
     kind : {"random", "pair", "place"}
         What a false link says. "random": what another link says, both headings turned at random.
         "pair": just what another link says. "place": an image b is taken for another image a,
@@ -52,27 +54,37 @@ def with_false_links(
     Raises
     ------
     ValueError
-        If the share or the kind is none, or no two images are 3 m apart.
+        If the share or the kind is none, or fewer images are 3 m apart than the share asks for.
     """
     if not 0.0 <= share < 1.0:
         raise ValueError(f"share: expected a number in [0, 1), got {share}")
     if kind not in ("random", "pair", "place"):
         raise ValueError(f"kind: expected random, pair or place, got {kind!r}")
     generator = np.random.default_rng(rng)
-    probable = np.flatnonzero((links.probability > 0.5) & (links.kind != KINDS.index("none")))
+    probable = np.flatnonzero((links.probability >= LINKED) & (links.kind != KINDS.index("none")))
     wanted = round(len(probable) * share / (1.0 - share))
     if not wanted:
         return links
     poses = as_poses(ground_truth, "ground_truth")
     offsets = poses[:, None, :2] - poses[None, :, :2]
     far = np.hypot(offsets[..., 0], offsets[..., 1]) >= FAR
-    if not far.any():
-        raise ValueError(f"ground_truth: expected two images {FAR:g} m apart")
+    there = int(np.triu(far).sum())
+    if there < wanted:
+        raise ValueError(
+            f"ground_truth: expected {wanted} pairs of images {FAR:g} m apart, got {there}"
+        )
     made: dict[tuple[int, int], tuple[int, PoseConstraint]] = {}
-    while len(made) < wanted:
+    for _ in range(TRIES * wanted):
+        if len(made) == wanted:
+            break
         for pair, source, constraint in _some(links, probable, far, kind, generator):
             if len(made) < wanted:
                 made[pair] = (source, constraint)
+    if len(made) < wanted:
+        raise ValueError(
+            f"share: expected one that asks for no more false links than there are, got {share}: "
+            f"{wanted} wanted, {len(made)} of the kind {kind!r} found"
+        )
     pairs = np.array(list(made), dtype=np.int64)
     sources = np.array([source for source, _ in made.values()])
     false = Links.of(

@@ -22,6 +22,7 @@ import numpy as np
 from pflut._files import read_text, write_text
 from pflut.geometry import FloatArray, relative_headings, relative_pose
 from pflut.mapping.constraint import KINDS, PoseConstraint
+from pflut.mapping.link_terms import BROADEST, mode_covariances
 from pflut.mapping.links import Links
 from pflut.mapping.pose_graph import IndexArray, PoseGraph
 from pflut.von_mises.mixture import VonMisesMixture
@@ -109,10 +110,13 @@ def as_pose_edge(graph: PoseGraph, link: int) -> tuple[FloatArray, FloatArray] |
     Returns
     -------
     motion : ndarray of shape (3,)
-        Of R in L's frame, or None where the link has no component.
+        Of R in L's frame, or None where the link holds nothing: it is of the kind "none", or has
+        no component.
     information : ndarray of shape (3, 3)
         In the frame after the motion. A distance has a standard deviation as large as itself.
     """
+    if KINDS[graph.links.kind[link]] == "none":
+        return None
     mixture = graph.links.mixture(link)
     left, right = graph.poses[graph.link_nodes[link]]
     theta, phi, distance = relative_headings(left, right)
@@ -128,7 +132,7 @@ def as_pose_edge(graph: PoseGraph, link: int) -> tuple[FloatArray, FloatArray] |
         # of (distance, heading_l, heading_r), then of (x, y, heading) in the frame of L
         covariance = np.zeros((3, 3))
         covariance[0, 0] = length**2
-        covariance[1:, 1:] = mixture.covariances()[best]
+        covariance[1:, 1:] = mode_covariances(mixture.concentrations, mixture.couplings)[best]
         cos, sin = np.cos(heading_l), np.sin(heading_l)
         to_left = np.array([[cos, -length * sin, 0], [sin, length * cos, 0], [0, 1.0, -1.0]])
         cos, sin = np.cos(turn), np.sin(turn)
@@ -139,7 +143,8 @@ def as_pose_edge(graph: PoseGraph, link: int) -> tuple[FloatArray, FloatArray] |
     band = best - len(mixture.weights)
     motion = relative_pose(left, right)
     motion[2] = mixture.rotation_means[band]
-    return motion, np.diag([WEAK, WEAK, mixture.rotation_concentrations[band]])
+    sharpness = max(float(mixture.rotation_concentrations[band]), BROADEST)
+    return motion, np.diag([WEAK, WEAK, sharpness])
 
 
 def read_g2o(path: str | os.PathLike[str]) -> PoseGraph:

@@ -9,7 +9,7 @@ and Marquardt) from three places, of which the lowest end is taken:
 2. Growth. All links are weighted against where they are predicted to be, with the uncertainty of
    that prediction; those whose prediction is too vague to judge them wait until others have made
    it sharper.
-3. The minimum with a Cauchy kernel on every link, which is broad.
+3. The minimum with a Cauchy kernel, which is broad, on every link that is more probable than not.
 
 References
 ----------
@@ -19,7 +19,7 @@ of Robotics Research 32 (2013): mixtures in pose graphs, of which the best compo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -47,7 +47,8 @@ class OptimizedGraph:
     graph : PoseGraph
         With its nodes at the optimum.
     link_probability : ndarray of shape (m,)
-        That each link is right, after seeing all others.
+        That each link is right, after seeing all others; zero of those of the kind "none", which
+        hold nothing.
     shares : ndarray of shape (c,)
         Of that, the part of each component: first the modes of all links, then their bands.
     cost : float
@@ -56,7 +57,6 @@ class OptimizedGraph:
         Linear systems solved.
     converged : bool
         Whether the last round moved nothing.
-    system : GraphSystem
     """
 
     graph: PoseGraph
@@ -65,7 +65,7 @@ class OptimizedGraph:
     cost: float
     iterations: int
     converged: bool
-    system: GraphSystem
+    _system: GraphSystem = field(repr=False)
 
     @property
     def poses(self) -> FloatArray:
@@ -80,8 +80,8 @@ class OptimizedGraph:
         """
         n = len(self.graph)
         nodes = np.stack([np.arange(n), np.arange(n)], axis=1)
-        shares = self.shares[self.system.terms.component]
-        covariances = self.system.pair_covariances(self.poses, shares, nodes)
+        shares = self.shares[self._system.terms.component]
+        covariances = self._system.pair_covariances(self.poses, shares, nodes)
         return np.asarray(covariances[:, :3, :3])
 
 

@@ -6,9 +6,11 @@ from typing import Any, Literal
 
 import numpy as np
 
+from pflut._extras import require
 from pflut.geometry import FloatArray
 from pflut.mapping.graph_residuals import MIN_DISTANCE, headings, odometry_residuals
 from pflut.mapping.link_terms import LinkTerms
+from pflut.mapping.links import LINKED
 from pflut.mapping.pose_graph import IndexArray, PoseGraph
 
 Loss = Literal["mixture", "max-mixture", "gaussian", "huber", "cauchy"]
@@ -233,7 +235,7 @@ class GraphSystem:
         terms = self.terms
         best = np.full(len(terms.null), -np.inf)
         np.maximum.at(best, terms.link, terms.log_weight)
-        probable = self.graph.links.probability[terms.link] >= 0.5
+        probable = self.graph.links.probability[terms.link] >= LINKED
         heaviest = (terms.log_weight >= best[terms.link]) & probable
         return heaviest.astype(np.float64)
 
@@ -268,10 +270,4 @@ def _factorized(normal: Any, damping: float) -> Any:
 
 
 def _scipy_sparse() -> Any:
-    try:
-        from scipy import sparse
-    except ImportError:
-        raise ImportError(
-            "optimize_graph: expected SciPy, got none; pip install 'pflut[mapping]'"
-        ) from None
-    return sparse
+    return require("scipy.sparse", extra="mapping", what="optimize_graph")

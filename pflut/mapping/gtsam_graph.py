@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from pflut._extras import require
 from pflut.geometry import FloatArray
 from pflut.mapping.graph_residuals import headings
 from pflut.mapping.graph_system import GraphSystem
@@ -115,10 +116,4 @@ def _error(gtsam: Any, system: GraphSystem, link: int, chosen: Any) -> Any:
 
 
 def _gtsam() -> Any:
-    try:
-        import gtsam
-    except ImportError:
-        raise ImportError(
-            "gtsam_graph: expected GTSAM, got none; pip install 'pflut[gtsam]'"
-        ) from None
-    return gtsam
+    return require("gtsam", extra="gtsam", what="gtsam_graph")

@@ -15,14 +15,16 @@ from numpy.typing import ArrayLike
 from pflut._files import checksum, read_json, write_json
 from pflut.camera.base import Camera
 from pflut.geometry import FloatArray
+from pflut.likelihood.table import LikelihoodTable
 from pflut.mapping.link_evidence import DIRECTIONS, LinkEvidence
+from pflut.mapping.logistic import fit_logistic, logit, sigmoid
 
 FORMAT = "pflut link model"
 VERSION = 1
 RIDGE = 1.0
 """Inverse variance of the weights of standardised features, beforehand."""
-MAX_STEPS = 100
 Name = Literal["panorama", "home", "perspective"]
+_OF_TABLES: dict[str, Name] = {"default": "panorama", "home": "home"}
 SHIPPED = {name: f"links_{name}.json" for name in ("panorama", "home", "perspective")}
 
 
@@ -101,7 +103,7 @@ class LinkModel:
         evidence : LinkEvidence
             Of n pairs, with the table that the model was learned with.
         prior : float, optional
-            Share in (0, 1) of linked pairs among those that are asked about: about one in four of
+            Share in (0, 1) of linked pairs among those that are asked about: about one in five of
             all pairs of a home's images, one in thousands of those of a town, most of what a
             retrieval proposes. Default: that of the pairs the model was learned from.
 
@@ -117,7 +119,7 @@ class LinkModel:
         # not a matrix product: the same pair has the same odds whatever the others are
         odds = (link_features(evidence) * self.weights).sum(axis=1) + self.bias
         if prior is not None:
-            odds = odds + _logit(_checked_prior(prior)) - _logit(self.prior)
+            odds = odds + logit(_checked_prior(prior)) - logit(self.prior)
         return np.asarray(odds)
 
     def probability(self, evidence: LinkEvidence, *, prior: float | None = None) -> FloatArray:
@@ -138,7 +140,7 @@ class LinkModel:
         ValueError
             If the prior is out of its range.
         """
-        return _sigmoid(self.log_odds(evidence, prior=prior))
+        return sigmoid(self.log_odds(evidence, prior=prior))
 
     @classmethod
     def learn(
@@ -192,7 +194,7 @@ class LinkModel:
         scale = np.sqrt(times @ (raw - mean) ** 2 / total)
         scale[scale < 1e-9] = 1.0
         features = np.column_stack([(raw - mean) / scale, np.ones(len(raw))])
-        found = _newton(features, yes, times, float(_logit(share)))
+        found = fit_logistic(features, yes, times, ridge=RIDGE)
         slopes = found[:-1] / scale
         about = dict(learned_from or {}) | {"pairs": len(yes), "linked": int(yes.sum())}
         return cls(slopes, float(found[-1] - slopes @ mean), float(share), about)
@@ -294,49 +296,38 @@ def link_model_name(table: str, camera: Camera) -> Name | None:
     -------
     {"panorama", "home"} or None
     """
-    known: dict[str, Name] = {"default": "panorama", "home": "home"}
-    return known.get(table) if camera.horizontally_periodic else None
+    return _OF_TABLES.get(table) if camera.horizontally_periodic else None
 
 
-def _newton(features: FloatArray, yes: Any, times: FloatArray, start: float) -> FloatArray:
-    """Maximise the penalised likelihood; the last feature is the constant, with no penalty."""
-    found = np.zeros(features.shape[1])
-    found[-1] = start
-    ridge = np.full(len(found), RIDGE)
-    ridge[-1] = 0.0
+def default_link_model(table: LikelihoodTable) -> LinkModel:
+    """Give the model that comes with pflut for panoramas and a table.
 
-    def loss(weights: FloatArray) -> float:
-        odds = features @ weights
-        return float(times @ (np.logaddexp(0.0, odds) - yes * odds) + 0.5 * ridge @ weights**2)
+    Parameters
+    ----------
+    table : LikelihoodTable
+        The default one, or that for homes, whatever its bins.
 
-    here = loss(found)
-    for _ in range(MAX_STEPS):
-        p = _sigmoid(features @ found)
-        slope = features.T @ (times * (p - yes)) + ridge * found
-        curvature = (features * (times * p * (1.0 - p))[:, None]).T @ features + np.diag(ridge)
-        step = np.linalg.solve(curvature + 1e-12 * np.eye(len(found)), slope)
-        # the loss is convex, but a whole step may go beyond its other side
-        factor = 1.0
-        while (there := loss(found - factor * step)) > here and factor > 1e-6:
-            factor *= 0.5
-        if there > here:
-            break
-        found, gained, here = found - factor * step, here - there, there
-        if gained <= 1e-12 * (1.0 + abs(here)):
-            break
-    return found
+    Returns
+    -------
+    LinkModel
+
+    Raises
+    ------
+    ValueError
+        If it is another one.
+    """
+    names: tuple[Literal["panorama", "home"], ...] = ("panorama", "home")
+    for name in names:
+        if table.digest == LikelihoodTable.default(name).digest:
+            return LinkModel.default(name)
+    raise ValueError(
+        "link_model: expected one that judges evidence of this table, got none; those for the "
+        "default table and for that of homes come with pflut"
+    )
 
 
 def _checksum(content: Mapping[str, Any]) -> str:
     return checksum(json.dumps(content, sort_keys=True), {})
-
-
-def _sigmoid(odds: FloatArray) -> FloatArray:
-    return np.asarray(np.exp(-np.logaddexp(0.0, -odds)))
-
-
-def _logit(share: float) -> float:
-    return float(np.log(share) - np.log1p(-share))
 
 
 def _checked_prior(prior: float) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pflut.geometry import FloatArray
+from pflut.mapping.constraint import KINDS
 from pflut.mapping.graph_residuals import chords
 from pflut.mapping.links import Links
 from pflut.mapping.pose_graph import IndexArray
@@ -17,7 +18,7 @@ LOG_TURN = float(np.log(2.0 * np.pi))
 MAX_CORRELATION = 0.999
 """Between the headings of a mode: what is sharper along the rotation than that is a band."""
 BROADEST = 1e-3
-"""Concentration that a mode has at least."""
+"""Concentration that a mode, or the rotation of a band, has at least."""
 NEGLIGIBLE = 0.005
 """A component whose weight times its link's probability is less counts as nothing being known."""
 MAX_PROBABILITY = 0.99
@@ -63,14 +64,18 @@ class LinkTerms:
 
     @classmethod
     def of(cls, links: Links) -> LinkTerms:
-        """Take the mixtures of links apart."""
+        """Take the mixtures of links apart.
+
+        Links of the kind "none" have no terms: their many broad components say next to nothing.
+        """
         modes, bands = len(links.weights), len(links.rotation_weights)
         of_mode = np.repeat(np.arange(len(links)), np.diff(links.component_offsets))
         of_band = np.repeat(np.arange(len(links)), np.diff(links.band_offsets))
         link = np.concatenate([of_mode, of_band])
-        probability = np.minimum(links.probability, MAX_PROBABILITY)
+        says = links.kind != KINDS.index("none")
+        probability = np.where(says, np.minimum(links.probability, MAX_PROBABILITY), 0.0)
         covariance = np.zeros((modes + bands, 2, 2))
-        covariance[:modes] = _of_modes(links.concentrations, links.couplings)
+        covariance[:modes] = mode_covariances(links.concentrations, links.couplings)
         with np.errstate(divide="ignore"):
             covariance[modes:, 0, 0] = 1.0 / np.maximum(links.rotation_concentrations, BROADEST)
             covariance[modes:, 1, 1] = 1.0 / links.rotation_heading_concentrations
@@ -197,8 +202,21 @@ class LinkTerms:
         return relative / total[self.link], lowest - np.log(total)
 
 
-def _of_modes(concentrations: FloatArray, couplings: FloatArray) -> FloatArray:
-    """Give the covariances of sine models, (k, 2, 2): the inverses of their curvatures."""
+def mode_covariances(concentrations: FloatArray, couplings: FloatArray) -> FloatArray:
+    """Give the covariances of sine models, the inverses of their curvatures, always finite.
+
+    Parameters
+    ----------
+    concentrations : ndarray of shape (k, 2)
+        At least `BROADEST` is taken.
+    couplings : ndarray of shape (k,)
+        Up to a correlation of `MAX_CORRELATION`.
+
+    Returns
+    -------
+    ndarray of shape (k, 2, 2)
+        Positive definite, radians^2.
+    """
     k1, k2 = np.maximum(concentrations, BROADEST).T
     limit = MAX_CORRELATION * np.sqrt(k1 * k2)
     c = np.clip(couplings, -limit, limit)

@@ -15,6 +15,8 @@ from pflut.geometry import FloatArray
 from pflut.mapping.constraint import KINDS, PoseConstraint
 from pflut.von_mises.mixture import VonMisesMixture
 
+LINKED = 0.5
+"""Least probability of a pair that counts as linked, where that must be said."""
 FORMAT = "pflut links"
 VERSION = 1
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pflut.correspondences import Correspondences
 from pflut.features import Features, match_many
 from pflut.geometry import FloatArray
 from pflut.likelihood.table import LikelihoodTable
@@ -223,17 +222,8 @@ class NodeModel:
 
     def _with(self, known: NodeMatches, new: NDArray[np.int64], features: Features) -> NodeMatches:
         """Match an image with more nodes."""
-        pairs = [Correspondences.empty()] * len(new)
-        # an image without features has descriptors of no kind
-        rows = [row for row, node in enumerate(new) if len(self.features[node]) and len(features)]
-        found = match_many(
-            [self.features[node] for node in new[rows]],
-            features,
-            ratio=self.ratio,
-            mutual=self.mutual,
-        )
-        for row, matches in zip(rows, found, strict=True):
-            pairs[row] = matches
+        references = [self.features[node] for node in new]
+        pairs = match_many(references, features, ratio=self.ratio, mutual=self.mutual)
         evidence = LinkEvidence.together([known.evidence, link_evidence(pairs, self.table)])
         nodes = np.concatenate([known.nodes, new])
         order = np.argsort(nodes)

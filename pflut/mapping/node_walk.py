@@ -13,6 +13,8 @@ from pflut.mapping.topological_map import TopologicalMap
 
 REST = 1e-12
 """Probability of so many hops that they are left out."""
+MAX_HOPS = 10_000
+"""Expected ones count as that many: a walk over any map that fits here has long spread by then."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,20 +101,23 @@ class NodeWalk:
         leaving = np.bincount(first, likely, count) + np.bincount(second, likely, count)
         linked = leaving > 0.0
 
-        expected = self.expected_hops(odometry)
-        walked = probabilities
-        share = np.exp(-expected)
-        moved, rest, hop = share * walked, 1.0 - share, 0
-        while rest > REST:
-            hop += 1
-            share *= expected / hop
+        shares = _poisson(min(self.expected_hops(odometry), MAX_HOPS))
+        walked, moved = probabilities, shares[0] * probabilities
+        for share in shares[1:]:
             along = np.divide(walked, leaving, out=np.zeros(count), where=linked)
             walked = np.where(linked, 0.0, walked)
             walked += np.bincount(second, likely * along[first], count)
             walked += np.bincount(first, likely * along[second], count)
             moved = moved + share * walked
-            rest -= share
-            if hop > expected and share <= REST:
-                break
         moved = moved / moved.sum()
         return np.asarray((1.0 - self.carried_away) * moved + self.carried_away / count)
+
+
+def _poisson(expected: float) -> FloatArray:
+    """Give the probabilities of 0, 1, ... hops, up to the last that is not negligible."""
+    hops = np.arange(1, int(expected + 9.0 * np.sqrt(expected)) + 20)
+    # in logarithms: exp(-expected) is zero from 745 on
+    with np.errstate(divide="ignore"):
+        logs = np.cumsum(np.concatenate([[-expected], np.log(expected / hops)]))
+    shares = np.exp(logs)
+    return np.asarray(shares[: np.flatnonzero(shares > REST)[-1] + 1])

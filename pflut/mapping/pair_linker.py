@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+import pflut
 from pflut._jit import compiled_here
 from pflut.correspondences import Correspondences
 from pflut.features import Features, match_many
@@ -27,6 +28,10 @@ NOTHING_KNOWN = PoseConstraint(
     entropy=float(2.0 * np.log(2.0 * np.pi)),
     divergence=0.0,
 )
+
+
+# 32 binary descriptors, each far from the others
+_BITS = np.packbits(np.repeat(np.eye(32, dtype=np.uint8), 8, axis=1), axis=1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,10 +152,6 @@ class PairLinker:
         found = [Correspondences.empty()] * len(pairs)
         for query in np.unique(pairs[:, 1]):
             rows = np.flatnonzero(pairs[:, 1] == query)
-            # an image without features has descriptors of no kind
-            rows = rows[[len(features[int(image)]) > 0 for image in pairs[rows, 0]]]
-            if not len(features[int(query)]):
-                continue
             references = [features[int(image)] for image in pairs[rows, 0]]
             matches = match_many(
                 references,
@@ -170,25 +171,23 @@ class PairLinker:
         bool
             Whether this process has compiled some, see `pflut._jit.compiled_here`.
         """
-        count = 4 * self.options.min_matches
+        count = 32
         rng = np.random.default_rng(0)
         azimuth, elevation = rng.uniform(0.0, 6.0, count), rng.uniform(-0.5, 0.5, count)
-        features = Features(
-            azimuth,
-            elevation,
-            np.eye(count, dtype=np.float32),
-            np.zeros((count, 2), np.float32),
-            np.zeros(count, np.float32),
-        )
-        whatever = replace(self.options, min_probability=0.0)
-        replace(self, options=whatever)({0: features, 1: features}, np.array([[0, 1]]))
+        none = np.zeros((count, 2), np.float32), np.zeros(count, np.float32)
+        whatever = replace(self, options=replace(self.options, min_matches=1, min_probability=0.0))
+        # of either kind, that of SIFT and that of ORB
+        for descriptors in (np.eye(count, dtype=np.float32), _BITS):
+            features = Features(azimuth, elevation, descriptors, *none)
+            whatever({0: features, 1: features}, np.array([[0, 1]]))
         return compiled_here()
 
     def record(self) -> dict[str, Any]:
         """Say what the links depend on besides the features, for a JSON file."""
         table, model = self.table, self.link_model
         return {
-            "table": {"bins": table.bins, "learned_from": table.learned_from},
+            "pflut": pflut.__version__,
+            "table": {"bins": table.bins, "digest": table.digest},
             "link_model": {
                 "weights": model.weights.tolist(),
                 "bias": model.bias,

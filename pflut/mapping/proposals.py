@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,13 +83,15 @@ def image_signatures(descriptors: Descriptors, num_images: int) -> NDArray[np.fl
     ----------
     descriptors : callable
         Number of an image -> its descriptors, (m, D), as `Vocabulary` takes them. Asked for in
-        the order of the images, twice.
+        the order of the images, three times at most.
     num_images : int
 
     Returns
     -------
     ndarray of shape (num_images, S), float32
     """
-    learned: Sequence[int] = range(0, num_images, max(1, -(-num_images // LEARNED_FROM)))
+    # those of a dark stretch have no descriptors, and may be all of every tenth
+    seen = [image for image in range(num_images) if len(descriptors(image))]
+    learned = seen[:: max(1, -(-len(seen) // LEARNED_FROM))]
     vocabulary = Vocabulary.learn([descriptors(image) for image in learned])
     return np.stack([vocabulary.signature(descriptors(image)) for image in range(num_images)])

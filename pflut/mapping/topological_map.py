@@ -5,23 +5,25 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pflut._files import replacing
-from pflut.geometry import FloatArray
+from pflut.geometry import FloatArray, rotation_from_headings
 from pflut.mapping.constraint import KINDS
-from pflut.mapping.links import Links
+from pflut.mapping.graphml import (
+    FORMAT,
+    as_graph,
+    import_networkx,
+    read_graphml,
+    write_graphml,
+)
+from pflut.mapping.links import LINKED, Links
 
 if TYPE_CHECKING:
     import networkx
 
-FORMAT = "pflut topological map"
-VERSION = 1
 HOP = 0.01
 """Cost of a link in a path, besides minus the log of its probability: of sure ways the shorter."""
 
@@ -42,10 +44,10 @@ class TopologicalMap:
     probability : array_like of shape (m,)
         Of the links, in (0, 1].
     headings : array_like of shape (m, 2)
-        The direction to the other image, in the robot's frame at each of the two; radians, NaN
-        where it is not known.
+        ``[heading_l, heading_r]``, as of a pair: the direction to the other image in the robot's
+        frame at the first, L, and at the second, R; radians, NaN where it is not known.
     rotation : array_like of shape (m,)
-        Heading at the second image minus that at the first, radians; NaN where it is not known.
+        Heading at R minus that at L, radians; NaN where it is not known.
     names : sequence of N str, optional
         Of the images. Default: their numbers.
 
@@ -106,7 +108,7 @@ class TopologicalMap:
         links: Links,
         num_images: int,
         *,
-        min_probability: float = 0.5,
+        min_probability: float = LINKED,
         resolution: float = 1.0,
         names: Sequence[str] = (),
         rng: np.random.Generator | int = 0,
@@ -168,7 +170,7 @@ class TopologicalMap:
         self, *, resolution: float = 1.0, rng: np.random.Generator | int = 0
     ) -> TopologicalMap:
         """Return the same map with places found anew, see `from_links`."""
-        found = _networkx().community.louvain_communities(
+        found = import_networkx().community.louvain_communities(
             self.to_networkx(), weight="probability", resolution=resolution, seed=rng
         )
         places = np.empty(len(self), np.int64)
@@ -232,7 +234,7 @@ class TopologicalMap:
             Images, the two among them; empty where there is no way. The product of the links'
             probabilities is largest, and of ways that are all but sure there are few links.
         """
-        networkx = _networkx()
+        networkx = import_networkx()
         graph = self.to_networkx()
         try:
             path: list[int] = networkx.dijkstra_path(
@@ -252,24 +254,15 @@ class TopologicalMap:
         -------
         networkx.Graph
             Nodes with ``name`` and ``place``; edges with ``probability`` and, where they are known,
-            ``heading_first`` and ``heading_second`` (at the image with the smaller and the larger
-            number) and ``rotation``.
+            ``heading_l`` and ``heading_r`` (at the image with the smaller and the larger number)
+            and ``rotation``.
 
         Raises
         ------
         ImportError
             If networkx is not installed.
         """
-        graph = _networkx().Graph(format=FORMAT, version=VERSION)
-        for image, (name, place) in enumerate(zip(self.names, self.places.tolist(), strict=True)):
-            graph.add_node(image, name=name, place=place)
-        known = np.column_stack([self.headings, self.rotation])
-        rows = zip(self.edges.tolist(), self.probability.tolist(), known.tolist(), strict=True)
-        for (first, second), probability, angles in rows:
-            named = zip(("heading_first", "heading_second", "rotation"), angles, strict=True)
-            about = {name: angle for name, angle in named if not np.isnan(angle)}
-            graph.add_edge(first, second, probability=probability, **about)
-        return graph
+        return as_graph(self)
 
     def layout(self, *, rng: np.random.Generator | int = 0) -> FloatArray:
         """Place the images for drawing where nothing is known of their poses.
@@ -289,7 +282,7 @@ class TopologicalMap:
         ImportError
             If networkx or SciPy is not installed.
         """
-        found = _networkx().spring_layout(self.to_networkx(), weight="probability", seed=rng)
+        found = import_networkx().spring_layout(self.to_networkx(), weight="probability", seed=rng)
         return np.array([found[image] for image in range(len(self))], dtype=np.float64)
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -302,10 +295,7 @@ class TopologicalMap:
         ----------
         path : path
         """
-        networkx, graph = _networkx(), self.to_networkx()
-        with replacing(path) as temporary, temporary.open("wb") as file:
-            # that of the standard library, whether or not another XML library is installed
-            networkx.write_graphml_xml(graph, file)
+        write_graphml(path, self)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> TopologicalMap:
@@ -328,20 +318,10 @@ class TopologicalMap:
         ImportError
             If networkx is not installed.
         """
-        networkx = _networkx()
+        columns = read_graphml(path)
         try:
-            with Path(path).open("rb") as file:
-                graph = networkx.read_graphml(file, node_type=int)
-        except (SyntaxError, ValueError, KeyError, TypeError, networkx.NetworkXError) as error:
-            raise ValueError(f"{path}: no GraphML, or damaged: {error}") from None
-        if graph.graph.get("format") != FORMAT:
-            raise ValueError(f"{path}: not a {FORMAT}")
-        version = graph.graph.get("version")
-        if version != VERSION:
-            raise ValueError(f"{path}: topological map version {version}, expected {VERSION}")
-        try:
-            return _from_networkx(graph)
-        except (ValueError, KeyError, TypeError) as error:
+            return cls(**columns)
+        except ValueError as error:
             raise ValueError(f"{path}: damaged {FORMAT}: {error}") from error
 
     def _checked(self, image: int) -> int:
@@ -353,51 +333,17 @@ class TopologicalMap:
 def _directions(links: Links) -> tuple[FloatArray, FloatArray]:
     """Give the headings and the rotations that the constraints of links name, NaN for the others.
 
-    Of two opposite headings none is named.
+    Of two opposite headings none is named. Where the headings are, the rotation is theirs: that of
+    the whole mixture may be another mode's.
     """
     headings, rotation = np.full((len(links), 2), np.nan), np.full(len(links), np.nan)
     for link, kind in enumerate(links.kind):
         if KINDS[kind] == "none":
             continue
         constraint = links.constraint(link)
-        rotation[link] = constraint.rotation().mean
         if KINDS[kind] == "pose" and len(constraint.mixture.weights):
-            headings[link] = constraint.mixture.means[np.argmax(constraint.mixture.weights)]
+            headings[link] = constraint.mixture.merged_modes()[1][0]
+            rotation[link] = rotation_from_headings(*headings[link])
+        else:
+            rotation[link] = constraint.rotation().mean
     return headings, rotation
-
-
-def _from_networkx(graph: networkx.Graph) -> TopologicalMap:
-    """Read the attributes of nodes and edges."""
-    nodes = sorted(graph.nodes)
-    if nodes != list(range(len(nodes))):
-        raise ValueError(f"expected nodes 0 to {len(nodes) - 1}")
-    rows: list[tuple[int, int, dict[str, Any]]] = sorted(
-        (min(a, b), max(a, b), about) for a, b, about in graph.edges(data=True)
-    )
-
-    def column(name: str, missing: float | None = None) -> list[float]:
-        return [about[name] if missing is None else about.get(name, missing) for *_, about in rows]
-
-    unknown = float("nan")
-    return TopologicalMap(
-        places=np.array([graph.nodes[node]["place"] for node in nodes]),
-        edges=np.array([row[:2] for row in rows], np.int64).reshape(-1, 2),
-        probability=np.array(column("probability")),
-        headings=np.column_stack(
-            [column("heading_first", unknown), column("heading_second", unknown)]
-        ).reshape(-1, 2),
-        rotation=np.array(column("rotation", unknown)),
-        names=tuple(graph.nodes[node]["name"] for node in nodes),
-    )
-
-
-def _networkx() -> ModuleType:
-    """Import networkx, or say what is missing."""
-    try:
-        import networkx
-    except ImportError:
-        raise ImportError(
-            "topological map: expected networkx, got none; pip install 'pflut[mapping]'"
-        ) from None
-    module: ModuleType = networkx
-    return module

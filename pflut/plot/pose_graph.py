@@ -23,6 +23,7 @@ def plot_pose_graph(
     *,
     odometry: ArrayLike | None = None,
     ground_truth: ArrayLike | None = None,
+    note: str | None = None,
     title: str | None = None,
 ) -> Figure:
     """Draw the nodes of a pose graph and its links.
@@ -39,6 +40,8 @@ def plot_pose_graph(
         Of the links: their color.
     odometry, ground_truth : array_like of shape (n, 3), optional
         The same images' poses, for comparison.
+    note : str, optional
+        Below the title.
     title : str, optional
 
     Returns
@@ -82,7 +85,7 @@ def plot_pose_graph(
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
     axes.set_xlim(min(x0, low[0]), max(x1, high[0]))
     axes.set_ylim(min(y0, low[1]), max(y1, high[1]))
-    if title:
-        axes.set_title(title)
+    if title or note:
+        axes.set_title("\n".join(text for text in (title, note) if text))
     legend_outside(figure)
     return figure

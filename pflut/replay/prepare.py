@@ -9,7 +9,7 @@ import numpy as np
 from pflut.datasets.base import Dataset
 from pflut.geometry import FloatArray
 from pflut.replay.options import ReplayOptions
-from pflut.simulation.odometry import simulate_odometry
+from pflut.simulation.odometry import odometry_stream, simulate_odometry
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +113,6 @@ def _odometry(dataset: Dataset, options: ReplayOptions) -> FloatArray:
         translation_noise_from_translation=variance,
         scale=options.odometry_scale,
         heading_drift=options.odometry_drift,
-        # a stream of its own, not the filter's
-        rng=np.random.default_rng([options.seed, 1]),
+        rng=odometry_stream(options.seed),
     )
     return measured

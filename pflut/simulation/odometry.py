@@ -10,6 +10,22 @@ from pflut.geometry import FloatArray, as_poses, compose, relative_pose, wrap_to
 MIN_TRANSLATION = 1e-3  # metres: below it a step is a turn on the spot
 
 
+def odometry_stream(seed: int) -> np.random.Generator:
+    """Give the random numbers of the odometry that is simulated along a dataset's true poses.
+
+    Parameters
+    ----------
+    seed : int
+        That of whatever simulates it, which has other streams for all else: a replay and a map of
+        the same images get the same noise.
+
+    Returns
+    -------
+    Generator
+    """
+    return np.random.default_rng([seed, 1])
+
+
 def simulate_odometry(
     poses: ArrayLike,
     *,

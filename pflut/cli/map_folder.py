@@ -1,0 +1,199 @@
+"""What the actions of ``pflut map`` share: their folders, and links that another one has made."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pflut.cli.arguments import as_json, command_line
+
+if TYPE_CHECKING:
+    from pflut.cli.progress import Bars
+    from pflut.datasets.base import Dataset
+    from pflut.mapping.links import Links
+
+
+def add_output(parser: argparse.ArgumentParser, action: str) -> None:
+    """Add --output."""
+    parser.add_argument(
+        "--output",
+        metavar="DIR",
+        type=Path,
+        help=f"folder of the results (default: results/<date>_<time>_<dataset>-{action})",
+    )
+
+
+def needs(module: str, *, extra: str, what: str) -> None:
+    """End before the work where a package is missing that is needed after it.
+
+    Raises
+    ------
+    ValueError
+        Naming the extra that brings it.
+    """
+    from pflut._extras import require
+
+    try:
+        require(module, extra=extra, what=what)
+    except ImportError as error:
+        raise ValueError(str(error)) from None
+
+
+def has_begun(folder: Path) -> bool:
+    """Whether a folder holds pairs of a former run, or nothing but its features."""
+    if (folder / "settings.json").is_file():
+        return True
+    return folder.is_dir() and [path.name for path in folder.iterdir()] == ["work"]
+
+
+def open_links_folder(output: Path | None, name: str) -> Path:
+    """Create the folder that links go to, or open that of a run that was interrupted.
+
+    Parameters
+    ----------
+    output : Path, optional
+        As of --output.
+    name : str
+        What a new folder is named after.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    FileExistsError
+        If it holds something else.
+    """
+    from pflut.results import create_results_folder
+
+    begun = output is not None and has_begun(output)
+    return create_results_folder(output, name, overwrite=begun)
+
+
+def write_run(
+    folder: Path, arguments: argparse.Namespace, dataset: str, images: Sequence[str]
+) -> None:
+    """Write ``run.json``: the command, the images' names, and where they are.
+
+    Parameters
+    ----------
+    folder : Path
+    arguments : argparse.Namespace
+    dataset : str
+        Its name.
+    images : sequence of str
+        Names of the images that are linked, in their order.
+    """
+    from pflut._files import write_json
+    from pflut.results import run_record
+
+    source = Path(arguments.dataset)
+    record = run_record(
+        command_line(),
+        dataset=dataset,
+        # it is found from another working directory, too
+        source=str(source.resolve()) if source.is_dir() else arguments.dataset,
+        images=list(images),
+        arguments=as_json(arguments),
+    )
+    write_json(folder / "run.json", record)
+
+
+@dataclass(frozen=True, eq=False)
+class FoundLinks:
+    """Links of a folder.
+
+    Parameters
+    ----------
+    links : Links
+    name : str
+        Of the dataset.
+    images : tuple of str
+        Their names.
+    source : str or None
+        The dataset, as `load` takes it, where it is known.
+    """
+
+    links: Links
+    name: str
+    images: tuple[str, ...]
+    source: str | None
+
+    @classmethod
+    def read(cls, folder: Path) -> FoundLinks | None:
+        """Read the links of a folder.
+
+        Without ``run.json``, as `pflut.all_pairs` leaves it, the images are named by their numbers.
+
+        Parameters
+        ----------
+        folder : Path
+
+        Returns
+        -------
+        FoundLinks or None
+            None if the folder is none of links.
+
+        Raises
+        ------
+        ValueError
+            If the links are not finished or damaged, or ``run.json`` does not fit them.
+        """
+        from pflut._files import read_json
+        from pflut.mapping.links import Links
+
+        if not (folder / "links.npz").is_file():
+            if has_begun(folder):
+                raise ValueError(
+                    f"{folder}: the links are not finished, expected links.npz; the command that "
+                    "began them goes on"
+                )
+            return None
+        links = Links.load(folder / "links.npz")
+        least = int(links.indices.max(initial=0)) + 1
+        about = folder / "run.json"
+        if not about.is_file():
+            return cls(links, folder.resolve().name, tuple(map(str, range(least))), None)
+        record = read_json(about)
+        images, source = record.get("images"), record.get("source")
+        if not isinstance(images, list) or len(images) < max(2, least):
+            raise ValueError(f"{about}: names no images, expected that of pflut map")
+        return cls(
+            links,
+            str(record.get("dataset")),
+            tuple(map(str, images)),
+            source if isinstance(source, str) else None,
+        )
+
+    def dataset(self, bars: Bars) -> Dataset | None:
+        """Load the images, where they are there still; nothing is rendered for that.
+
+        Parameters
+        ----------
+        bars : Bars
+
+        Returns
+        -------
+        Dataset or None
+            Of the linked images.
+        """
+        import numpy as np
+
+        from pflut.cli.loading import load
+        from pflut.datasets.registry import SIMULATED_HOME
+        from pflut.datasets.simulated_home import is_rendered
+
+        if self.source is None or (self.source == SIMULATED_HOME and not is_rendered()):
+            return None
+        try:
+            dataset = load(self.source, None, progress=bars)
+        except (OSError, ValueError):
+            return None  # links of images that are elsewhere have places all the same
+        number = {path.name: k for k, path in enumerate(dataset.image_paths)}
+        if len(number) < len(dataset) or not number.keys() >= set(self.images):
+            return None
+        return dataset.select(np.array([number[name] for name in self.images]))
