@@ -27,10 +27,11 @@ def require(module: str, *, extra: str, what: str) -> ModuleType:
     ImportError
         Naming the extra, if it is not installed.
     """
+    package = module.partition(".")[0]
     try:
+        import_module(package)
         return import_module(module)
     except ImportError:
-        package = module.partition(".")[0]
         raise ImportError(
             f"{what}: expected {package}, got none; pip install 'pflut[{extra}]'"
         ) from None

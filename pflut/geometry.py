@@ -74,8 +74,9 @@ def as_poses(poses: ArrayLike, name: str = "poses") -> FloatArray:
     array = np.ascontiguousarray(np.atleast_2d(np.asarray(poses, dtype=np.float64)))
     if array.ndim != 2 or array.shape[1] != 3:
         raise ValueError(f"{name}: expected shape (N, 3) of [x, y, heading], got {array.shape}")
-    # a sum is finite only of numbers that are, and read in half the time
-    if not np.isfinite(array.sum()) and not np.isfinite(array).all():
+    with np.errstate(over="ignore", invalid="ignore"):
+        total = array.sum()  # finite only if they all are, and made in half the time
+    if not np.isfinite(total) and not np.isfinite(array).all():
         row = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
         raise ValueError(f"{name}: row {row} is not finite: {array[row]}")
     return array

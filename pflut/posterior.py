@@ -31,8 +31,8 @@ class Likelihood(Protocol):
     ) -> NDArray[np.float32]:
         """Sum log-likelihood ratios over a (bins, bins) grid of (heading_l, heading_r).
 
-        Cells outside the ``window`` (2, 2), the first cell and how many of either heading, may hold
-        anything.
+        Finite numbers. Cells outside the ``window`` (2, 2), the first cell and how many of either
+        heading, may hold anything: it is there to save time, and may be ignored.
         """
         ...
 

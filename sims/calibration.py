@@ -94,7 +94,11 @@ class Points:
         self.table = LikelihoodTable.default(bins=bins)
 
     def log_likelihood_grid(
-        self, correspondences: Correspondences, bins: int | None = None
+        self,
+        correspondences: Correspondences,
+        bins: int | None = None,
+        *,
+        window: np.ndarray | None = None,
     ) -> np.ndarray:
         """Compute what is not improbable; the rest would take hours."""
         rough = self.table.log_likelihood_grid(correspondences, bins)

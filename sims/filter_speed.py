@@ -148,7 +148,7 @@ def measure(n: int, report: Callable[[str, float], None]) -> None:
         "motion, with a floor of noise", median_ns(lambda: floor.sample(poses, ODOMETRY, rng), n)
     )
     report("NumPy motion", median_ns(lambda: numpy_move(poses, rng), n))
-    report("three normals alone", median_ns(lambda: rng.standard_normal((3, n)), n))
+    report("NumPy, three normals alone", median_ns(lambda: rng.standard_normal((3, n)), n))
 
     weights = many[0]
     report("weights", median_ns(lambda: weights.times(log_likelihood), n))

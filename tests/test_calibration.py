@@ -25,7 +25,9 @@ class VonMises:
     def __init__(self, scale: float = 1.0, bins: int = 64) -> None:
         self.scale, self.bins = scale, bins
 
-    def log_likelihood_grid(self, c: Correspondences, bins: int | None = None) -> np.ndarray:
+    def log_likelihood_grid(
+        self, c: Correspondences, bins: int | None = None, *, window: object = None
+    ) -> np.ndarray:
         size = bins or self.bins
         centers = (np.arange(size) + 0.5) * TWO_PI / size
         rows, columns = (
@@ -91,7 +93,9 @@ def test_a_single_cell_counts_by_the_share_of_it_that_is_needed() -> None:
 
         bins = 4
 
-        def log_likelihood_grid(self, c: Correspondences, bins: int | None = None) -> np.ndarray:
+        def log_likelihood_grid(
+            self, c: Correspondences, bins: int | None = None, *, window: object = None
+        ) -> np.ndarray:
             grid = np.full((4, 4), np.log(0.1 / 15), np.float32)
             grid[0, 0] = np.log(0.9)
             return grid

@@ -119,7 +119,7 @@ def test_wrong_input(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     refusal = run(*BUILD, "--seed", 1)
     assert refusal.code == 2 and "--seed: only allowed with --simulate-odometry" in refusal.err
     refused(run(*BUILD, "--max-images", 1), "expected 2 images with odometry, got 1")
-    monkeypatch.setitem(sys.modules, "scipy.sparse", None)
+    monkeypatch.setitem(sys.modules, "scipy", None)
     refused(run(*BUILD, "--max-images", 3), "pip install 'pflut[mapping]'")
     # before the work
     assert not Path("out").exists()

@@ -35,7 +35,7 @@ def test_heaviest_cell_equals_its_naive_twin(n):
         poses = rng.uniform([-4, -4, -np.pi], [4, 4, np.pi], (n, 3))
         poses[: n // 2] = blob(n // 2, [1, 1, np.pi], 0.3, seed)
         weights = rng.random(n) / n
-        drawn = poses[systematic_indices(weights, min(n, module.MAX_DRAWS), 0.5)]
+        drawn = poses[systematic_indices(weights, module.NUM_DRAWS, 0.5)]
         center = module._fullest_cell(drawn)
         expected, score = naive.heaviest_cell(drawn, module.CELL_SIZE, module.CELLS_OF_HEADING)
         if n > 1000:  # among few draws cells tie
@@ -198,3 +198,16 @@ def test_bad_input_is_refused():
         estimate_from_particles(np.empty((0, 3)), np.empty(0))
     with pytest.raises(ValueError, match="at least one"):
         estimate_from_particles(np.empty((0, 3)))
+
+
+@pytest.mark.parametrize("n", [1, 7, 1000])
+def test_mass_near_counts_the_weight_in_its_window(n):
+    rng = np.random.default_rng(n)
+    poses = blob(n, [1.0, -1.0, np.pi], 0.5, n)
+    weights = rng.random(n)
+    weights /= weights.sum()
+    pose = np.array([1.1, -0.9, -np.pi + 0.05])
+    inside = (np.hypot(*(poses[:, :2] - pose[:2]).T) <= 0.5) & (
+        np.abs(wrap_to_pi(poses[:, 2] - pose[2])) <= np.radians(10)
+    )
+    assert module.mass_near(poses, weights, pose) == pytest.approx(weights[inside].sum())

@@ -150,6 +150,10 @@ def test_as_poses_takes_one_or_many_and_refuses_the_rest() -> None:
             as_poses(wrong, "start")
     with pytest.raises(ValueError, match="poses: row 1 is not finite"):
         as_poses([[0, 0, 0], [0, np.nan, 0], [np.inf, 0, 0]])
+    with pytest.raises(ValueError, match="poses: row 0 is not finite"):
+        as_poses([[np.inf, -np.inf, 0]])
+    # a sum that overflows is none of them
+    assert as_poses(np.full((3, 3), 1e308)).shape == (3, 3)
 
 
 def test_circular_mean_wraps_and_weighs() -> None:

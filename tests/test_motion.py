@@ -191,3 +191,31 @@ def test_bad_input_is_refused(model):
     with pytest.raises(ValueError, match="row 1 is not finite"):
         model.sample(poses, [0.1, 0.0, 0.0], 0)
     assert model.sample([1.0, 2.0, 3.0], [0.1, 0.0, 0.0], 0).shape == (1, 3)
+
+
+@pytest.mark.parametrize("n", [0, 1, 511, 512, 513, 1300])
+def test_sampled_motion_equals_its_naive_twin(n):
+    poses = some_poses(n)
+    moved, stds = np.array([0.7, 0.4, -2.0]), np.array([0.5, 0.1, 0.2, 2.0])
+    out = np.empty_like(poses)
+    key = 2**63 + 11
+    motion._sample(poses, np.uint64(key), moved, stds, out)
+    if not n:
+        return
+    normals = np.concatenate([naive.normals(key, 0, n), naive.normals(key, n, n)])
+    expected = naive.move(poses, normals, moved, stds)
+    np.testing.assert_allclose(out[:, :2], expected[:, :2], atol=2e-4)
+    np.testing.assert_allclose(wrap_to_pi(out[:, 2] - expected[:, 2]), 0, atol=2e-4)
+
+
+def test_noises_are_independent_of_each_other():
+    n = 100_000
+    out = np.empty((n, 3))
+    # along, across and heading; the direction's turns the robot with the heading's
+    motion._sample(np.zeros((n, 3)), np.uint64(5), np.zeros(3), np.array([0.0, 1, 1, 0.1]), out)
+    correlations = np.corrcoef(out.T)[np.triu_indices(3, 1)]
+    assert np.abs(correlations).max() * np.sqrt(n) < 5
+    turned = np.empty((n, 3))
+    motion._sample(np.zeros((n, 3)), np.uint64(5), np.zeros(3), np.array([0.1, 0, 0, 0]), turned)
+    for column in out.T:
+        assert abs(np.corrcoef(column, turned[:, 2])[0, 1]) * np.sqrt(n) < 5

@@ -215,6 +215,87 @@ def test_no_step_around_a_reference(default_table: LikelihoodTable, world: World
         assert on_it > 200 * temperature
 
 
+@pytest.mark.parametrize("near", [0.3, 0.35, 0.7])
+def test_finite_on_the_edge_of_the_near_range(
+    default_table: LikelihoodTable, world: World, near: float
+) -> None:
+    """Where the kernel's float32 and the box's float64 may see it differently."""
+    one = world.map(REFERENCES[:1])
+    sensor = ReferenceImageModel(one, default_table, near_range=near, max_range=5.0)
+    match = ReferenceMatch(0, CorrespondenceSimulator().pair(50, 0)[0])
+    for angle in np.radians(np.arange(360)):
+        x, y, heading = REFERENCES[0]
+        pose = [x + near * np.cos(angle), y + near * np.sin(angle), heading]
+        assert np.isfinite(sensor.log_likelihood_of_matches(pose, [match])).all()
+
+
+@pytest.mark.parametrize("turns", [1, 1000, 10**6])
+def test_headings_of_many_turns(default_table: LikelihoodTable, world: World, turns: int) -> None:
+    match = ReferenceMatch(0, CorrespondenceSimulator(mismatch=0.5).pair(100, 0)[0])
+    poses = around(POSE, 300)
+    values = []
+    for on_poses, on_reference in ((0, 0), (turns, 0), (0, turns), (-turns, turns)):
+        references = REFERENCES[:1] + np.array([0.0, 0.0, 2 * np.pi * on_reference])
+        sensor = ReferenceImageModel(
+            ReferenceMap.of_poses(references), default_table, max_range=8.0
+        )
+        turned = poses + np.array([0.0, 0.0, 2 * np.pi * on_poses])
+        values.append(sensor.log_likelihood_of_matches(turned, [match]))
+    assert np.ptp(values[0]) > 5.0
+    for value in values[1:]:
+        assert value == pytest.approx(values[0], abs=2e-3)
+
+
+def test_poses_far_beyond_a_float(default_table: LikelihoodTable) -> None:
+    match = ReferenceMatch(0, CorrespondenceSimulator().pair(50, 0)[0])
+    sensor = ReferenceImageModel(ReferenceMap.of_poses(REFERENCES[:1]), default_table)
+    poses = [[1e39, 1e39, 0.0], [-1e200, 0.0, 1e17], [0.0, 1e16, -1e9]]
+    assert (sensor.log_likelihood_of_matches(poses, [match]) == 0.0).all()
+
+
+class Guarded:
+    """A table whose grids are NaN in all cells that were not asked for; or that ignores that."""
+
+    def __init__(self, table: LikelihoodTable, *, ignores: bool = False) -> None:
+        self.table, self.bins, self.ignores, self.spared = table, table.bins, ignores, 0
+
+    def log_likelihood_grid(
+        self,
+        c: Correspondences,
+        bins: int | None = None,
+        *,
+        window: np.ndarray | None = None,
+    ) -> np.ndarray:
+        grid = self.table.log_likelihood_grid(c, bins)
+        if window is None or self.ignores:
+            return np.asfortranarray(grid)
+        asked = np.zeros(grid.shape, bool)
+        rows, columns = ((first + np.arange(n)) % self.bins for first, n in window)
+        asked[np.ix_(rows, columns)] = True
+        self.spared += int((~asked).sum())
+        return np.where(asked, grid, np.float32(np.nan))
+
+
+@pytest.mark.parametrize("spread", [0.02, 0.3, 2.0])
+def test_what_is_not_computed_is_not_needed(default_table: LikelihoodTable, spread: float) -> None:
+    rng = np.random.default_rng(0)
+    references = rng.uniform([-4, -4, -np.pi], [4, 4, np.pi], (12, 3))
+    pairs, _ = CorrespondenceSimulator(mismatch=0.5).pairs(12, 50, rng=1)
+    matches = [ReferenceMatch(k, pair) for k, pair in enumerate(pairs)]
+    guarded = Guarded(default_table)
+    for _ in range(20):
+        center = rng.uniform([-4, -4, -np.pi], [4, 4, np.pi])
+        poses = rng.normal(center, [spread, spread, spread], (300, 3))
+        values = [
+            ReferenceImageModel(
+                ReferenceMap.of_poses(references), likelihood, max_range=6.0
+            ).log_likelihood_of_matches(poses, matches)
+            for likelihood in (guarded, Guarded(default_table, ignores=True))
+        ]
+        assert (values[0] == values[1]).all()
+    assert guarded.spared > 0
+
+
 def test_likelihood_fades_with_the_distance(default_table: LikelihoodTable, world: World) -> None:
     one = world.map(REFERENCES[:1])
     sensor = ReferenceImageModel(one, default_table, max_range=4.0)

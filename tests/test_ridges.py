@@ -553,6 +553,25 @@ def test_a_window_of_the_grid_is_the_grid_there(default_table: LikelihoodTable, 
         for _ in range(20):
             first, count = rng.integers(bins, size=2), rng.integers(1, bins + 1, size=2)
             window = np.stack([first, count], axis=1)
+            # memory that holds no earlier grid
+            del_me = np.full((bins, bins), np.nan, np.float32)
+            del del_me
             part = default_table.log_likelihood_grid(c, bins, window=window)
             cells = np.ix_(*((f + np.arange(n)) % bins for f, n in window))
             assert (part[cells] == grid[cells]).all()
+
+
+@pytest.mark.parametrize(
+    "window",
+    [
+        [[-1, 5], [0, 5]],
+        [[0, 5], [64, 5]],
+        [[0, 65], [0, 5]],
+        [[0, 5], [0, -1]],
+        [0, 5],
+        [[0.0, 5.0], [0.0, 5.0]],
+    ],
+)
+def test_windows_that_are_none_are_refused(default_table: LikelihoodTable, window: list) -> None:
+    with pytest.raises(ValueError, match=r"^window: expected "):
+        default_table.log_likelihood_grid(simulated(10, 0), 64, window=window)

@@ -258,9 +258,16 @@ class LikelihoodTable:
         ndarray of shape (B, B), float32
             Over (heading_l, heading_r); the cell (i, j) is centred on
             ((i + 1/2) 2 pi / B, (j + 1/2) 2 pi / B). Zero everywhere without correspondences.
+
+        Raises
+        ------
+        ValueError
+            If there are no such cells.
         """
         columns = bearing_columns(correspondences)
         odds = self.odds(correspondences)
+        if window is not None:
+            window = check_window(window, self.bins if bins is None else bins)
         return self.ridges(bins).grid(columns, self.shapes(columns), odds, window)
 
     def log_likelihood(self, correspondences: Correspondences, headings: ArrayLike) -> FloatArray:
@@ -542,6 +549,22 @@ class LikelihoodTable:
             )
         except (TypeError, ValueError) as error:
             raise ValueError(f"{path}: {error}") from None
+
+
+def check_window(window: ArrayLike, bins: int) -> NDArray[np.int64]:
+    """Return the first cells and numbers of cells as (2, 2); raise ValueError if there are none."""
+    cells = np.asarray(window)
+    if cells.shape != (2, 2) or cells.dtype.kind not in "iu":
+        raise ValueError(
+            f"window: expected whole numbers of shape (2, 2), got {cells.dtype} of {cells.shape}"
+        )
+    first, count = cells.T
+    if (first < 0).any() or (first >= bins).any() or (count < 0).any() or (count > bins).any():
+        raise ValueError(
+            f"window: expected first cells in [0, {bins}) and at most {bins} cells, "
+            f"got {cells.tolist()}"
+        )
+    return np.ascontiguousarray(cells, dtype=np.int64)
 
 
 def check_bins(bins: int) -> int:

@@ -24,7 +24,7 @@ CONFIDENCE_ANGLE = np.deg2rad(10.0)
 CELL_SIZE = 0.5
 CELLS_OF_HEADING = 18
 # so many draws from the particles suffice to find where most of them are
-MAX_DRAWS = 2048
+NUM_DRAWS = 2048
 
 # the mean's window, at least; and how often it may move
 WINDOW_RADIUS = 1.0
@@ -303,6 +303,8 @@ class Cluster(NamedTuple):
 def heaviest_cluster(poses: FloatArray, weights: FloatArray) -> Cluster:
     """Shift a window from the heaviest cell to the mean of what it holds, until it rests.
 
+    It is looked for among 2048 draws from the particles; what it holds is that of all.
+
     The window grows to three standard deviations of what it holds, so that a wide cluster is
     not cut; from one that stands apart it does not reach the others. It does not grow where it
     holds less than 5 % of the weight.
@@ -314,9 +316,9 @@ def heaviest_cluster(poses: FloatArray, weights: FloatArray) -> Cluster:
     weights : ndarray of shape (N,)
         >= 0, not all zero, their sum at most one.
     """
-    # draws with a fixed tooth: the same particles give the same cluster, and what it costs to look
-    # for it does not grow with their number
-    drawn = take(poses, systematic_indices(weights, min(len(poses), MAX_DRAWS), 0.5))
+    # draws with a fixed tooth: the same particles give the same cluster, and however many they are
+    # one pass chooses those that are looked at again and again
+    drawn = take(poses, systematic_indices(weights, NUM_DRAWS, 0.5))
     center, window = _fullest_cell(drawn), np.array([WINDOW_RADIUS, WINDOW_ANGLE])
     _settle(drawn, center, window)
     radius, angle = window.tolist()

@@ -36,7 +36,8 @@ class ReferenceImageModel:
     Parameters
     ----------
     reference_map : ReferenceMap
-    likelihood : LikelihoodTable
+    likelihood : LikelihoodTable or Likelihood
+        Or a class of one's own with ``bins`` and a ``log_likelihood_grid`` of finite numbers.
     extractor : FeatureExtractor, optional
         Turns images into features. Without it only features are taken as observations.
     temperature : float
@@ -266,12 +267,14 @@ class ReferenceImageModel:
         box = PoseBox.around(checked)
         windows = box.windows(references, bins)
         # where a particle stands on the reference, all poses of a rotation count
-        near = box.distances(references) < self.near_range
+        # (the kernel's distances are float32)
+        near = box.distances(references) <= self.near_range * (1.0 + 1e-6)
         windows[near] = [0, bins]
-        nowhere = np.full(bins + 1, np.nan)
+        nowhere = np.zeros(bins + 1)
         grids, rotations = [], []
         for match, window, close in zip(matches, windows, near, strict=True):
-            grids.append(self.likelihood.log_likelihood_grid(match.correspondences, window=window))
+            grid = self.likelihood.log_likelihood_grid(match.correspondences, window=window)
+            grids.append(np.require(grid, np.float32, ["C", "W"]))
             rotations.append(rotation_curve(grids[-1], *share) if close else nowhere)
         fade = self.near_range, 0.75 * self.max_range, self.max_range
         for first in range(0, len(checked), CHUNK):

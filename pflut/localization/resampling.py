@@ -380,7 +380,8 @@ def _checking(resample: Resampler) -> Resampler:
     def checked(
         weights: ArrayLike, n: int, rng: np.random.Generator | int | None = None
     ) -> IndexArray:
-        indices = np.array(resample(weights, n, rng))
+        # equal weights are read-only, and what others write into is theirs
+        indices = np.array(resample(np.array(weights), n, rng))
         if indices.shape != (n,) or indices.dtype.kind not in "iu":
             raise ValueError(
                 f"resampling: expected {n} whole numbers, got {indices.dtype} of {indices.shape}"

@@ -12,6 +12,7 @@ BLOCK = 256
 """Poses at a time: what is known of them stays in the first cache."""
 CHUNK = 32 * BLOCK
 """Poses for one reference after the other: they stay in the second cache."""
+FARTHEST = 1e15
 LARGEST = 24.0
 """Nats from which on a softplus is a straight line, for a float32."""
 
@@ -46,12 +47,17 @@ def rotation_curve(grid: NDArray[np.float32], temperature: float, linked: float)
 
 @jit
 def _offsets(x, y, heading, reference, dx, dy, turned):  # type: ignore[no-untyped-def]
-    """See poses from a reference; in float32 from here on: a robot is metres from it."""
+    """See poses from a reference; in float32 from here on: a robot is metres from it.
+
+    Of headings of many turns an even number is taken away; what is farther than float32 can
+    square is not nearer for being cut off.
+    """
     reference_x, reference_y, reference_heading = reference[0], reference[1], reference[2]
     for n in range(dx.size):
-        dx[n] = x[n] - reference_x
-        dy[n] = y[n] - reference_y
-        turned[n] = heading[n] - reference_heading
+        dx[n] = min(max(x[n] - reference_x, -FARTHEST), FARTHEST)
+        dy[n] = min(max(y[n] - reference_y, -FARTHEST), FARTHEST)
+        turn = heading[n] - reference_heading
+        turned[n] = turn - 2.0 * TWO_PI * np.trunc(turn * (0.5 / TWO_PI))
 
 
 def _fit(values: FloatArray, nodes: FloatArray) -> tuple[np.float32, ...]:
@@ -110,7 +116,8 @@ def _interpolate(flat, bins, across, along, value):  # type: ignore[no-untyped-d
     """Write the periodic grid's bilinear values."""
     top, width, one = np.int32(bins - 1), np.int32(bins), np.int32(1)
     for n in range(value.size):
-        i, j = min(np.int32(across[n]), top), min(np.int32(along[n]), top)
+        i = max(min(np.int32(across[n]), top), np.int32(0))
+        j = max(min(np.int32(along[n]), top), np.int32(0))
         s, t = across[n] - np.float32(i), along[n] - np.float32(j)
         row = i * width
         next_row = np.int32(0) if i == top else row + width
@@ -124,7 +131,7 @@ def _interpolate(flat, bins, across, along, value):  # type: ignore[no-untyped-d
 
 @jit
 def _link(value, temperature, odds, floor):  # type: ignore[no-untyped-def]
-    """Write log((1 - linked) + linked exp(temperature value)), to 1e-5 nats.
+    """Write log((1 - linked) + linked exp(temperature value)), to 1e-5 or a float32's last digit.
 
     That is ``floor`` + softplus(temperature value + ``odds``), with the logarithms of 1 - linked
     and of the odds of being linked; exp(-y) is (1 - y/64 + ...) ** 64.
@@ -183,7 +190,8 @@ def add_reference(  # type: ignore[no-untyped-def]
     the rotation stays; from ``ramp`` to ``reach`` metres all of it fades.
     """
     bins = grid.shape[0]
-    flat, toward = grid.reshape(-1), np.float32(reference[2])
+    flat = grid.reshape(-1)
+    toward = np.float32(reference[2] - 2.0 * TWO_PI * np.trunc(reference[2] * (0.5 / TWO_PI)))
     factor, floor = np.float32(temperature), np.float32(np.log1p(-linked))
     odds = np.float32(np.log(linked) - np.log1p(-linked))
     work = np.empty((7, BLOCK), np.float32)

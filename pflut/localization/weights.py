@@ -28,10 +28,10 @@ class Weights:
     Parameters
     ----------
     log : ndarray of shape (N,)
-        Their logarithms; -inf is a particle that is ruled out. Equal ones are one number, seen N
-        times: read-only and not contiguous.
+        Their logarithms; -inf is a particle that is ruled out. Those of `uniform` are one number,
+        seen n times: read-only and not contiguous.
     linear : ndarray of shape (N,)
-        The weights; they sum to one. Equal ones as above.
+        The weights; they sum to one. Those of `uniform` as above.
     effective_sample_size : float
         ``1 / sum(linear**2)``, in [1, N] (Kong, Liu, Wong 1994).
     log_mean : float
@@ -53,6 +53,8 @@ class Weights:
         """Give n >= 1 equal weights."""
         if n < 1:
             raise ValueError(f"weights: expected those of at least one particle, got {n}")
+        if n == 1:
+            return cls(np.zeros(1), np.ones(1), 1.0)
         return cls(np.broadcast_to(-np.log(n), n), np.broadcast_to(1.0 / n, n), float(n))
 
     @classmethod
@@ -128,7 +130,8 @@ class Weights:
 
 def _normalize(log_weights: FloatArray, log_likelihood: FloatArray) -> Weights | None:
     """Add, subtract the highest before exp so that nothing overflows, divide by the sum."""
-    with np.errstate(invalid="ignore"):  # a sum of -inf and +inf is the NaN that is looked for
+    # a sum of -inf and +inf is the NaN that is looked for
+    with np.errstate(invalid="ignore", over="ignore"):
         log = log_weights + log_likelihood
     highest = log.max()
     # a NaN is the highest of all, whatever else there is

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pflut.geometry import FloatArray, as_poses
 from pflut.mapping.constraint import KINDS, PoseConstraint
-from pflut.mapping.links import Links
+from pflut.mapping.links import LINKED, Links
 from pflut.von_mises.mixture import VonMisesMixture
 
 FalseKind = Literal["random", "pair", "place"]
@@ -38,7 +38,7 @@ def with_false_links(
     ground_truth : array_like of shape (n, 3)
         Where its images were taken.
     share : float
-        Of false ones among all links above a probability of a half, in [0, 1).
+        Of false ones among all links with a probability of a half or more, in [0, 1).
     kind : {"random", "pair", "place"}
         What a false link says. "random": what another link says, both headings turned at random.
         "pair": just what another link says. "place": an image b is taken for another image a,
@@ -61,7 +61,7 @@ def with_false_links(
     if kind not in ("random", "pair", "place"):
         raise ValueError(f"kind: expected random, pair or place, got {kind!r}")
     generator = np.random.default_rng(rng)
-    probable = np.flatnonzero((links.probability > 0.5) & (links.kind != KINDS.index("none")))
+    probable = np.flatnonzero((links.probability >= LINKED) & (links.kind != KINDS.index("none")))
     wanted = round(len(probable) * share / (1.0 - share))
     if not wanted:
         return links

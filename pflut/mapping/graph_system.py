@@ -10,6 +10,7 @@ from pflut._extras import require
 from pflut.geometry import FloatArray
 from pflut.mapping.graph_residuals import MIN_DISTANCE, headings, odometry_residuals
 from pflut.mapping.link_terms import LinkTerms
+from pflut.mapping.links import LINKED
 from pflut.mapping.pose_graph import IndexArray, PoseGraph
 
 Loss = Literal["mixture", "max-mixture", "gaussian", "huber", "cauchy"]
@@ -234,7 +235,7 @@ class GraphSystem:
         terms = self.terms
         best = np.full(len(terms.null), -np.inf)
         np.maximum.at(best, terms.link, terms.log_weight)
-        probable = self.graph.links.probability[terms.link] >= 0.5
+        probable = self.graph.links.probability[terms.link] >= LINKED
         heaviest = (terms.log_weight >= best[terms.link]) & probable
         return heaviest.astype(np.float64)
 

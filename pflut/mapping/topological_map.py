@@ -19,7 +19,7 @@ from pflut.mapping.graphml import (
     read_graphml,
     write_graphml,
 )
-from pflut.mapping.links import Links
+from pflut.mapping.links import LINKED, Links
 
 if TYPE_CHECKING:
     import networkx
@@ -108,7 +108,7 @@ class TopologicalMap:
         links: Links,
         num_images: int,
         *,
-        min_probability: float = 0.5,
+        min_probability: float = LINKED,
         resolution: float = 1.0,
         names: Sequence[str] = (),
         rng: np.random.Generator | int = 0,
