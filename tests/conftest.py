@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 import room
+from along_a_line import seen_along_a_line, start_alone
 from command_line import Outcome, Run
 
 from pflut.cli import main
 from pflut.datasets import Dataset, load_folder
 from pflut.datasets.simulated_home import RENDERER_VERSION
-from pflut.features import FeatureCache
+from pflut.features import FeatureCache, Features
 from pflut.likelihood.dense import DenseTable
 from pflut.likelihood.table import LikelihoodTable
+from pflut.mapping.all_pairs import all_pairs
+from pflut.mapping.link_model import LinkModel
+from pflut.mapping.links import Links
+from pflut.mapping.pair_linker import LinkOptions, PairLinker
 
 
 @pytest.fixture(scope="session")
@@ -71,6 +78,46 @@ def room_home_cache(
         name = f"v{RENDERER_VERSION}-seed{seed}-people0-blur0"
         shutil.copytree(room_folder, cache / "simulated-home" / name)
     return cache
+
+
+@pytest.fixture(scope="session")
+def features() -> list[Features]:
+    """Of images along a line through a room."""
+    return seen_along_a_line()
+
+
+@pytest.fixture
+def link(features: list[Features], small_table: LikelihoodTable) -> Callable[..., Links]:
+    """Link them in small batches."""
+
+    def call(folder: Path, table: Any = small_table, **options: Any) -> Links:
+        return all_pairs(
+            options.pop("features", features), folder, table, **{"batch_size": 8, **options}
+        )
+
+    return call
+
+
+@pytest.fixture
+def whole(link: Callable[..., Links], tmp_path: Path) -> bytes:
+    """The file of a run in this process that nothing interrupted."""
+    link(tmp_path / "whole")
+    return (tmp_path / "whole" / "links.npz").read_bytes()
+
+
+@pytest.fixture(scope="session")
+def anywhere(
+    features: list[Features], small_table: LikelihoodTable, tmp_path_factory: pytest.TempPathFactory
+) -> bytes:
+    """The same by a process of its own, which reads the kernels that this one has compiled."""
+    linker = PairLinker(
+        table=small_table, options=LinkOptions(), link_model=LinkModel.default("panorama")
+    )
+    linker.warm_up()
+    folder = tmp_path_factory.mktemp("anywhere") / "run"
+    process = start_alone(folder, 1, 8)
+    assert process.communicate()[1] == "" and process.returncode == 0
+    return (folder / "links.npz").read_bytes()
 
 
 @pytest.fixture

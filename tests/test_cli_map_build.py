@@ -111,6 +111,27 @@ def test_a_drive_without_truth_is_drawn_without_a_plan(
     assert Path("out/groundtruth.tum").exists() == bool(known)
 
 
+def test_of_a_folder_of_links(run: Run) -> None:
+    """All images are linked, and those with odometry are in the map: the same as theirs alone."""
+    assert run("map", "links", "simulated-home", *BUILD[3:-1], "links").code == 0
+    assert run(*BUILD).code == 0
+    outcome = run("map", "build", "links", "--output", "again")
+    assert outcome.code == 0 and outcome.err == ""
+    for name in ("links.npz", "map.g2o", "metrics.json", "poses.tum"):
+        assert Path("again", name).read_bytes() == Path("out", name).read_bytes()
+    names, source = (
+        [json.loads(Path(folder, "run.json").read_text())[key] for folder in ("out", "again")]
+        for key in ("images", "source")
+    )
+    assert names[0] == names[1] and source == ["simulated-home", "simulated-home"]
+    # that folder holds links, too
+    assert run("map", "places", "again", "--output", "places", "--no-figures").code == 0
+    outcome = run("map", "build", "links", "--jobs", 1, "--images", "all", "--max-images", 4)
+    assert outcome.code == 2 and "--jobs, --images, --max-images: without effect" in outcome.err
+    Path("links/run.json").unlink()
+    refused(run("map", "build", "links"), "links: nothing says of which dataset the links are")
+
+
 def test_wrong_input(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     refused(run("map", "build", "nowhere"), "nowhere")
     assert run("map", "build").code == 2

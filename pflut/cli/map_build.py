@@ -8,25 +8,26 @@ from typing import TYPE_CHECKING, Any
 
 from pflut.cli.arguments import (
     Subparsers,
-    add_dataset,
     add_verb,
     natural,
     positive,
     replay_options,
 )
-from pflut.cli.map_folder import add_output, needs, write_run
-from pflut.cli.map_links import add_link_options, linked
+from pflut.cli.map_folder import FoundLinks, add_output, add_source, needs, write_run
+from pflut.cli.map_links import add_link_options, linked, refuse_link_options
 
 if TYPE_CHECKING:
+    from pflut.cli.progress import Bars
     from pflut.datasets.base import Dataset
     from pflut.mapping.graph_optimizer import OptimizedGraph
+    from pflut.mapping.links import Links
     from pflut.mapping.map_errors import MapErrors
     from pflut.mapping.pose_graph import PoseGraph
 
 _DETAILS = """\
-Links the images (as pflut map links, whose options it takes), makes a pose graph of odometry and
-links, and finds the most probable poses; false links let go by themselves. No true pose is used but
-to say in the end how wrong the map is.
+Links the images (as pflut map links, whose options it takes), or takes the links of a folder that
+pflut map links wrote; makes a pose graph of odometry and links, and finds the most probable poses;
+false links let go by themselves. No true pose is used but to say in the end how wrong the map is.
 
 Results: map.g2o (for g2o, GTSAM and pflut), poses.tum, odometry.tum and groundtruth.tum where it is
 known, links.npz, metrics.json, run.json, figures/map.png. Interrupted while it links, the same
@@ -37,6 +38,7 @@ Needs pip install "pflut[mapping]"."""
 _EXAMPLES = """\
   pflut map build simulated-home --output results/map
   pflut map build simulated-home --images references --simulate-odometry   its longer drive
+  pflut map build results/links                     of links that are there
   pflut map build drive/ --max-candidates 20 --plain-links
 """
 
@@ -47,17 +49,16 @@ def add_parser(actions: Subparsers) -> None:
         actions,
         "build",
         "make a map of a drive: a pose graph of odometry and links, optimised",
-        usage="[options] DATASET",
+        usage="[options] LINKS|DATASET",
         details=_DETAILS,
         examples=_EXAMPLES,
     )
-    add_dataset(parser)
+    add_source(parser)
     add_output(parser, "map")
     parser.add_argument(
         "--images",
         choices=("all", "references", "queries"),
-        default="all",
-        help="of the dataset, those with odometry (default: %(default)s)",
+        help="of the dataset, those with odometry (default: all)",
     )
     parser.add_argument(
         "--simulate-odometry",
@@ -91,29 +92,61 @@ def run(arguments: argparse.Namespace) -> None:
 
     from pflut.cli.loading import load
     from pflut.cli.progress import Bars
-    from pflut.mapping.drive_images import drive_images
     from pflut.mapping.graph_optimizer import optimize_graph
     from pflut.mapping.pose_graph import PoseGraph
 
+    given = FoundLinks.read(Path(arguments.dataset))
     with Bars() as bars:
-        whole = load(arguments.dataset, None, progress=bars)
-        drive = drive_images(
-            whole,
-            arguments.images,
-            simulate=arguments.simulate_odometry,
-            max_images=arguments.max_images,
-            seed=arguments.seed,
-        )
-        links, folder = linked(arguments, drive, options, f"{whole.name} map", bars)
+        if given is None:
+            drive = _drive_of(load(arguments.dataset, None, progress=bars), arguments)
+            links, folder = linked(arguments, drive, options, f"{drive.name} map", bars)
+        else:
+            drive, links, folder = _of_folder(arguments, given, bars)
     graph = PoseGraph.from_odometry(drive.odometry, links)  # type: ignore[arg-type]
     found = optimize_graph(graph)
     errors = _errors(drive, graph, found)
     _write(folder, drive, graph, found, errors, arguments)
-    write_run(folder, arguments, whole.name, [path.name for path in drive.image_paths])
+    names = [path.name for path in drive.image_paths]
+    write_run(folder, arguments, drive.name, names, given)
     if arguments.simulate_odometry:
         print("note: odometry is simulated from the ground truth")
     print(_report(drive, found, errors))
     print(f"results: {folder}")
+
+
+def _drive_of(dataset: Dataset, arguments: argparse.Namespace) -> Dataset:
+    """Take the images that become nodes."""
+    from pflut.mapping.drive_images import drive_images
+
+    return drive_images(
+        dataset,
+        arguments.images or "all",
+        simulate=arguments.simulate_odometry,
+        max_images=arguments.max_images,
+        seed=arguments.seed,
+    )
+
+
+def _of_folder(
+    arguments: argparse.Namespace, given: FoundLinks, bars: Bars
+) -> tuple[Dataset, Links, Path]:
+    """Take the links of a folder between images with odometry, and write them by themselves."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    from pflut.results import create_results_folder
+
+    refuse_link_options(arguments, "images", "max_images")
+    drive = _drive_of(given.dataset(bars), arguments)
+    number = {path.name: k for k, path in enumerate(drive.image_paths)}
+    renumbered = np.array([number.get(name, -1) for name in given.images])
+    rows = np.flatnonzero((renumbered[given.links.indices] >= 0).all(axis=1))
+    links = given.links[rows]
+    links = replace(links, indices=renumbered[links.indices])
+    folder = create_results_folder(arguments.output, f"{drive.name} map")
+    links.save(folder / "links.npz")
+    return drive, links, folder
 
 
 def _errors(drive: Dataset, graph: PoseGraph, found: OptimizedGraph) -> dict[str, MapErrors]:

@@ -16,6 +16,15 @@ if TYPE_CHECKING:
     from pflut.mapping.links import Links
 
 
+def add_source(parser: argparse.ArgumentParser) -> None:
+    """Add the argument LINKS|DATASET."""
+    parser.add_argument(
+        "dataset",
+        metavar="LINKS|DATASET",
+        help="a folder of pflut map links, or a dataset: simulated-home, a folder, ...",
+    )
+
+
 def add_output(parser: argparse.ArgumentParser, action: str) -> None:
     """Add --output."""
     parser.add_argument(
@@ -75,7 +84,11 @@ def open_links_folder(output: Path | None, name: str) -> Path:
 
 
 def write_run(
-    folder: Path, arguments: argparse.Namespace, dataset: str, images: Sequence[str]
+    folder: Path,
+    arguments: argparse.Namespace,
+    dataset: str,
+    images: Sequence[str],
+    found: FoundLinks | None = None,
 ) -> None:
     """Write ``run.json``: the command, the images' names, and where they are.
 
@@ -87,16 +100,19 @@ def write_run(
         Its name.
     images : sequence of str
         Names of the images that are linked, in their order.
+    found : FoundLinks, optional
+        The links, where they were given instead of the dataset.
     """
     from pflut._files import write_json
     from pflut.results import run_record
 
     source = Path(arguments.dataset)
+    # it is found from another working directory, too
+    where = str(source.resolve()) if source.is_dir() else arguments.dataset
     record = run_record(
         command_line(),
         dataset=dataset,
-        # it is found from another working directory, too
-        source=str(source.resolve()) if source.is_dir() else arguments.dataset,
+        source=where if found is None else found.source,
         images=list(images),
         arguments=as_json(arguments),
     )
@@ -169,8 +185,36 @@ class FoundLinks:
             source if isinstance(source, str) else None,
         )
 
-    def dataset(self, bars: Bars) -> Dataset | None:
-        """Load the images, where they are there still; nothing is rendered for that.
+    def dataset(self, bars: Bars) -> Dataset:
+        """Load the linked images.
+
+        Parameters
+        ----------
+        bars : Bars
+
+        Returns
+        -------
+        Dataset
+
+        Raises
+        ------
+        OSError, ValueError
+            If they are not there.
+        """
+        import numpy as np
+
+        from pflut.cli.loading import load
+
+        if self.source is None:
+            raise ValueError(f"{self.name}: nothing says of which dataset the links are")
+        dataset = load(self.source, None, progress=bars)
+        number = {path.name: k for k, path in enumerate(dataset.image_paths)}
+        if len(number) < len(dataset) or not number.keys() >= set(self.images):
+            raise ValueError(f"{self.source}: holds other images than those that are linked")
+        return dataset.select(np.array([number[name] for name in self.images]))
+
+    def dataset_if_there(self, bars: Bars) -> Dataset | None:
+        """Load the linked images where they are there still; nothing is rendered for that.
 
         Parameters
         ----------
@@ -179,21 +223,13 @@ class FoundLinks:
         Returns
         -------
         Dataset or None
-            Of the linked images.
         """
-        import numpy as np
-
-        from pflut.cli.loading import load
         from pflut.datasets.registry import SIMULATED_HOME
         from pflut.datasets.simulated_home import is_rendered
 
-        if self.source is None or (self.source == SIMULATED_HOME and not is_rendered()):
+        if self.source == SIMULATED_HOME and not is_rendered():
             return None
         try:
-            dataset = load(self.source, None, progress=bars)
+            return self.dataset(bars)
         except (OSError, ValueError):
             return None  # links of images that are elsewhere have places all the same
-        number = {path.name: k for k, path in enumerate(dataset.image_paths)}
-        if len(number) < len(dataset) or not number.keys() >= set(self.images):
-            return None
-        return dataset.select(np.array([number[name] for name in self.images]))

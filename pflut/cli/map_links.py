@@ -134,16 +134,17 @@ def run(arguments: argparse.Namespace) -> None:
     print(f"results: {folder}")
 
 
-def given_link_options(arguments: argparse.Namespace) -> list[str]:
-    """Say which arguments of `add_link_options` were given."""
-    given = [
-        name
-        for name in ("max_candidates", "neighbours", "link_model", "prior", "jobs", "scheduler")
-        if getattr(arguments, name) is not None
-    ]
+def refuse_link_options(arguments: argparse.Namespace, *more: str) -> None:
+    """End as wrong usage where arguments of `add_link_options`, or others, would not count."""
+    names = ("max_candidates", "neighbours", "link_model", "prior", "jobs", "scheduler", *more)
+    given = [name for name in names if getattr(arguments, name) is not None]
     given += [name for name in LINK_OPTIONS if hasattr(arguments, name)]
     given += ["no_cache"] * arguments.no_cache
-    return [f"--{name.replace('_', '-')}" for name in given]
+    if given:
+        flags = ", ".join(f"--{name.replace('_', '-')}" for name in given)
+        plural = "s" * (len(given) > 1)
+        parser: argparse.ArgumentParser = arguments.parser
+        parser.error(f"argument{plural} {flags}: without effect on links that are there")
 
 
 def linked(

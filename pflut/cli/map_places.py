@@ -12,8 +12,8 @@ from pflut.cli.arguments import (
     natural,
     replay_options,
 )
-from pflut.cli.map_folder import FoundLinks, add_output, needs, write_run
-from pflut.cli.map_links import add_link_options, given_link_options, linked, share
+from pflut.cli.map_folder import FoundLinks, add_output, add_source, needs, write_run
+from pflut.cli.map_links import add_link_options, linked, refuse_link_options, share
 
 if TYPE_CHECKING:
     from pflut.datasets.base import Dataset
@@ -52,11 +52,7 @@ def add_parser(actions: Subparsers) -> None:
         details=_DETAILS,
         examples=_EXAMPLES,
     )
-    parser.add_argument(
-        "dataset",
-        metavar="LINKS|DATASET",
-        help="a folder of pflut map links, or a dataset: simulated-home, a folder, ...",
-    )
+    add_source(parser)
     add_output(parser, "places")
     parser.add_argument(
         "--min-probability",
@@ -112,7 +108,7 @@ def run(arguments: argparse.Namespace) -> None:
     write_json(folder / "places.json", _content(made, len(links)))
     if not arguments.no_figures:
         _draw(folder, made, positions, over, name, note)
-    write_run(folder, arguments, name, names)
+    write_run(folder, arguments, name, names, found)
     print(_report(name, made, len(links), note))
     print(f"results: {folder}")
 
@@ -126,14 +122,9 @@ def _of_folder(arguments: argparse.Namespace, found: FoundLinks) -> Found:
     from pflut.cli.progress import Bars
     from pflut.results import create_results_folder
 
-    ignored = given_link_options(arguments)
-    if ignored:
-        plural = "s" * (len(ignored) > 1)
-        arguments.parser.error(
-            f"argument{plural} {', '.join(ignored)}: without effect on links that are there"
-        )
+    refuse_link_options(arguments)
     with Bars() as bars:
-        dataset = found.dataset(bars)
+        dataset = found.dataset_if_there(bars)
     folder = create_results_folder(arguments.output, f"{found.name} places")
     return found.links, found.images, dataset, found.name, folder
 
