@@ -192,8 +192,10 @@ def linked(
     model = _link_model(arguments.link_model, options.table, dataset)
     if arguments.scheduler is not None:
         needs("distributed", extra="cluster", what="--scheduler")
-        # what happens to the cluster is told in one line of ours
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        # what happens to the cluster is told in one line of ours, not in tracebacks; the levels of
+        # some of distributed's loggers are their own
+        for logger in [name for name in logging.root.manager.loggerDict if "distributed" in name]:
+            logging.getLogger(logger).setLevel(logging.CRITICAL + 1)
     folder = open_links_folder(arguments.output, name)
     counted = (0, 0)
 
