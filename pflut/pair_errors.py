@@ -34,7 +34,7 @@ class HasHeadings(Protocol):
 class ErrorSummary(NamedTuple):
     """What a table says of an estimator's errors on some pairs; its fields are columns of a CSV.
 
-    Parameters
+    Attributes
     ----------
     pairs : int
     heading_median_deg, heading_mad_deg, heading_low_deg, heading_high_deg : float
