@@ -361,24 +361,23 @@ def summarize(poses: FloatArray, weights: Weights, *, method: str = "cluster") -
     -------
     Estimate
     """
-    shares = np.ascontiguousarray(weights.linear)
     if method == "cluster":
-        share, pose, covariance, _, _ = heaviest_cluster(poses, shares)
+        share, pose, covariance, _, _ = heaviest_cluster(poses, weights.linear)
         if share < SMALLEST_CLUSTER:  # lost: it may be anywhere
-            _, mean, covariance = _window(poses, shares, pose, np.inf, np.inf)
+            _, mean, covariance = _window(poses, weights.linear, pose, np.inf, np.inf)
             offset = mean - pose
             covariance = covariance + offset[:, None] * offset
     elif method == "mean":
         pose = np.empty(3)
-        _mean(poses, shares, pose)
-        share, _, covariance = _window(poses, shares, pose, np.inf, np.inf)
+        _mean(poses, weights.linear, pose)
+        share, _, covariance = _window(poses, weights.linear, pose, np.inf, np.inf)
     else:
         raise ValueError(f"method: expected one of {METHODS}, got {method!r}")
     pose[2] = wrap_to_pi(pose[2])
     return Estimate(
         pose=pose,
         covariance=covariance,
-        confidence=mass_near(poses, shares, pose),
+        confidence=mass_near(poses, weights.linear, pose),
         cluster_weight=min(share, 1.0),
         effective_sample_size=weights.effective_sample_size,
         num_particles=len(weights),

@@ -123,7 +123,9 @@ class FilterState:
         moments = _moments(stored)
         particles = Particles(
             as_poses(stored["poses"]),
-            Weights(stored["log_weights"], stored["weights"], effective, mean),
+            Weights(
+                len(stored["weights"]), effective, mean, (stored["log_weights"], stored["weights"])
+            ),
             History(max(len(moments) - 1, 0), moments),
             SinceResampling(share, int(updates), *way),
             None if np.isnan(stamp) else stamp,

@@ -415,16 +415,13 @@ class ParticleFilter:
 
     @property
     def log_weights(self) -> FloatArray:
-        """The particles' log-weights, ``(N,)``, normalised; do not write to it.
-
-        A copy where they are equal, as after resampling, else the filter's own array.
-        """
-        return np.ascontiguousarray(self._particles.weights.log)
+        """The particles' log-weights, ``(N,)``, normalised; not a copy, as with `poses`."""
+        return self._particles.weights.log
 
     @property
     def weights(self) -> FloatArray:
-        """The particles' weights, ``(N,)``, their sum is one; as with `log_weights`."""
-        return np.ascontiguousarray(self._particles.weights.linear)
+        """The particles' weights, ``(N,)``, their sum is one; not a copy, as with `poses`."""
+        return self._particles.weights.linear
 
     @property
     def stamp(self) -> float | None:

@@ -380,7 +380,7 @@ def _checking(resample: Resampler) -> Resampler:
     def checked(
         weights: ArrayLike, n: int, rng: np.random.Generator | int | None = None
     ) -> IndexArray:
-        # equal weights are read-only, and what others write into is theirs
+        # what somebody else's function writes into is its own
         indices = np.array(resample(np.array(weights), n, rng))
         if indices.shape != (n,) or indices.dtype.kind not in "iu":
             raise ValueError(

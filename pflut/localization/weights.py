@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,35 +28,43 @@ class Weights:
 
     Parameters
     ----------
-    log : ndarray of shape (N,)
-        Their logarithms; -inf is a particle that is ruled out. Those of `uniform` are one number,
-        seen n times: read-only and not contiguous.
-    linear : ndarray of shape (N,)
-        The weights; they sum to one. Those of `uniform` as above.
+    count : int
+        N.
     effective_sample_size : float
         ``1 / sum(linear**2)``, in [1, N] (Kong, Liu, Wong 1994).
     log_mean : float
         Logarithm of the sum they were divided by. After `times` this is the log of the mean
         likelihood under the weights before: how well the observation was expected.
+    arrays : tuple of two ndarrays of shape (N,), optional
+        `log` and `linear`. Without them all are equal, and the arrays are made when asked for: a
+        million particles that were resampled do not need them.
     """
 
-    log: FloatArray
-    linear: FloatArray
+    count: int
     effective_sample_size: float
     log_mean: float = 0.0
+    arrays: tuple[FloatArray, FloatArray] | None = None
 
     def __len__(self) -> int:
         """Return the number of particles."""
-        return int(self.log.size)
+        return self.count
+
+    @cached_property
+    def log(self) -> FloatArray:
+        """Their logarithms (N,); -inf is a particle that is ruled out."""
+        return np.full(self.count, -np.log(self.count)) if self.arrays is None else self.arrays[0]
+
+    @cached_property
+    def linear(self) -> FloatArray:
+        """The weights (N,); they sum to one."""
+        return np.full(self.count, 1.0 / self.count) if self.arrays is None else self.arrays[1]
 
     @classmethod
     def uniform(cls, n: int) -> Weights:
         """Give n >= 1 equal weights."""
         if n < 1:
             raise ValueError(f"weights: expected those of at least one particle, got {n}")
-        if n == 1:
-            return cls(np.zeros(1), np.ones(1), 1.0)
-        return cls(np.broadcast_to(-np.log(n), n), np.broadcast_to(1.0 / n, n), float(n))
+        return cls(n, float(n))
 
     @classmethod
     def from_log(cls, log_weights: ArrayLike) -> Weights:
@@ -125,10 +134,11 @@ class Weights:
             None where no weights would be left: a likelihood is NaN or +inf, or it rules out
             every particle.
         """
-        return _normalize(self.log, log_likelihood)
+        equal = self.arrays is None
+        return _normalize(-np.log(self.count) if equal else self.log, log_likelihood)
 
 
-def _normalize(log_weights: FloatArray, log_likelihood: FloatArray) -> Weights | None:
+def _normalize(log_weights: FloatArray | float, log_likelihood: FloatArray) -> Weights | None:
     """Add, subtract the highest before exp so that nothing overflows, divide by the sum."""
     # a sum of -inf and +inf is the NaN that is looked for
     with np.errstate(invalid="ignore", over="ignore"):
@@ -142,4 +152,5 @@ def _normalize(log_weights: FloatArray, log_likelihood: FloatArray) -> Weights |
     total, squares = _sums(linear)
     log -= np.log(total)
     linear /= total
-    return Weights(log, linear, total * total / squares, float(highest + np.log(total)))
+    log_mean = float(highest + np.log(total))
+    return Weights(len(log), total * total / squares, log_mean, (log, linear))
