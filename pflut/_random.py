@@ -9,7 +9,17 @@ import math
 
 import numpy as np
 
-from pflut._jit import jit
+from pflut._jit import inline, jit
+
+_STEP = np.uint64(0x9E3779B97F4A7C15)
+
+
+@inline
+def _mixed(z):  # type: ignore[no-untyped-def]
+    """Mix the bits of a number of splitmix64's counter."""
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
 
 
 @jit
@@ -18,12 +28,8 @@ def uniform(state):  # type: ignore[no-untyped-def]
 
     ``state`` (1,) uint64, in and out.
     """
-    state[0] += np.uint64(0x9E3779B97F4A7C15)
-    z = state[0]
-    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    z = z ^ (z >> np.uint64(31))
-    return (z >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+    state[0] += _STEP
+    return (_mixed(state[0]) >> np.uint64(11)) * (1.0 / 9007199254740992.0)
 
 
 _ONE, _HALF, _TWO = np.float32(1.0), np.float32(0.5), np.float32(2.0)
@@ -41,10 +47,7 @@ _C2, _C4, _C6, _C8 = (np.float32(c) for c in (-0.5, 1.0 / 24.0, -1.0 / 720.0, 1.
 def _uniforms(key, first, u, v):  # type: ignore[no-untyped-def]
     """Draw u from (0, 1], down to 2 ** -32, and v from [-1/2, 1/2]: splitmix64's two halves."""
     for i in range(u.size):
-        z = key + np.uint64(first + i) * np.uint64(0x9E3779B97F4A7C15)
-        z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-        z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-        z = z ^ (z >> np.uint64(31))
+        z = _mixed(key + np.uint64(first + i) * _STEP)
         # as signed numbers, whose conversion is vectorised
         u[i] = (np.float32(np.int32(z >> np.uint64(33))) + _HALF) * _SPLIT
         v[i] = np.float32(np.int32(np.uint32(z))) * (_HALF * _SPLIT)

@@ -8,23 +8,32 @@ change in a callee of another file (numba#1833), so whoever edits this file dele
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pflut._jit import jit
 
 HALF_PI = 0.5 * np.pi
 
 
-def _arctan_coefficients(degree: int = 9) -> tuple[float, ...]:
-    """Fit arctan(t) / t as a polynomial in t^2 on [0, 1], at Chebyshev nodes."""
+def polynomial(
+    function: Callable[[NDArray[np.float64]], NDArray[np.float64]], degree: int
+) -> tuple[float, ...]:
+    """Fit a polynomial on [0, 1], at Chebyshev nodes; the lowest coefficient first."""
     nodes = 0.5 - 0.5 * np.cos(np.pi * (np.arange(200) + 0.5) / 200)
-    t = np.sqrt(nodes)
-    fit = np.polynomial.Chebyshev.fit(nodes, np.arctan(t) / t, degree, domain=[0, 1])
+    fit = np.polynomial.Chebyshev.fit(nodes, function(nodes), degree, domain=[0, 1])
     return tuple(float(c) for c in fit.convert(kind=np.polynomial.Polynomial).coef)
 
 
-_C0, _C1, _C2, _C3, _C4, _C5, _C6, _C7, _C8, _C9 = _arctan_coefficients()
+def arctan_ratio(q: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Give arctan(t) / t as a function of t^2."""
+    t = np.sqrt(q)
+    return np.asarray(np.arctan(t) / t)
+
+
+_C0, _C1, _C2, _C3, _C4, _C5, _C6, _C7, _C8, _C9 = polynomial(arctan_ratio, 9)
 
 
 @jit

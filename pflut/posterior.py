@@ -118,13 +118,9 @@ class GridPosterior:
         probabilities : ndarray of shape (B,)
             They sum to one.
         """
-        bins = self.bins
-        index = np.arange(bins)
-        # the sum over the diagonal of heading_l - heading_r = k cells
-        diagonals = self.prob[(index[:, None] + index[None, :]) % bins, index[None, :]].sum(axis=1)
-        angles = wrap_to_pi(index * (TWO_PI / bins) + np.pi)
+        angles = wrap_to_pi(np.arange(self.bins) * (TWO_PI / self.bins) + np.pi)
         order = np.argsort(angles)
-        return angles[order], diagonals[order]
+        return angles[order], diagonals(self.prob).sum(axis=1)[order]
 
     def rotation_mean(self) -> float:
         """Return the circular mean of the rotation, radians in (-pi, pi]."""
@@ -277,6 +273,23 @@ def pose_posterior(
     peak = float(grid.max())
     log_sum = peak + float(np.log(np.exp(grid - peak).sum()))
     return GridPosterior(grid - log_sum, log_sum - 2.0 * float(np.log(len(grid))))
+
+
+def diagonals(grid: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Sort the cells of a periodic grid over (heading_l, heading_r) by rotation.
+
+    Parameters
+    ----------
+    grid : ndarray of shape (B, B)
+
+    Returns
+    -------
+    ndarray of shape (B, B)
+        Row k holds the cells of heading_l - heading_r = k cells, by heading_r; read-only.
+    """
+    twice = np.tile(grid, (2, 1))
+    row, cell = twice.strides
+    return np.lib.stride_tricks.as_strided(twice, grid.shape, (row, row + cell), writeable=False)
 
 
 def check_temperature(temperature: float) -> None:

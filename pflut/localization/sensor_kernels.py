@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pflut._jit import jit
+from pflut._trig import arctan_ratio, polynomial
 from pflut.geometry import TWO_PI, FloatArray
+from pflut.posterior import diagonals
 
 BLOCK = 256
 """Poses at a time: what is known of them stays in the first cache."""
@@ -35,11 +37,9 @@ def rotation_curve(grid: NDArray[np.float32], temperature: float, linked: float)
         log((1 - linked) + linked mean exp(temperature grid)), the mean over the cells of one
         rotation: entry k is for heading_l - heading_r = k cells, the first is repeated.
     """
-    twice = np.tile(np.float32(temperature) * grid, (2, 1))
-    row, cell = twice.strides
-    diagonals = np.lib.stride_tricks.as_strided(twice, grid.shape, (row, row + cell))
-    highest = diagonals.max(axis=1)
-    means = np.exp(diagonals - highest[:, None]).mean(axis=1, dtype=np.float64)
+    turned = diagonals(np.float32(temperature) * grid)
+    highest = turned.max(axis=1)
+    means = np.exp(turned - highest[:, None]).mean(axis=1, dtype=np.float64)
     there = np.log(means) + highest + np.log(linked)
     curve = np.logaddexp(np.log1p(-linked), there)
     return np.append(curve, curve[0])
@@ -60,16 +60,9 @@ def _offsets(x, y, heading, reference, dx, dy, turned):  # type: ignore[no-untyp
         turned[n] = turn - 2.0 * TWO_PI * np.trunc(turn * (0.5 / TWO_PI))
 
 
-def _fit(values: FloatArray, nodes: FloatArray) -> tuple[np.float32, ...]:
-    """Fit a polynomial of degree 7 on [0, 1], at Chebyshev nodes; the lowest coefficient first."""
-    fit = np.polynomial.Chebyshev.fit(nodes, values, 7, domain=[0, 1])
-    return tuple(np.float32(c) for c in fit.convert(kind=np.polynomial.Polynomial).coef)
-
-
-_NODES = 0.5 - 0.5 * np.cos(np.pi * (np.arange(200) + 0.5) / 200)
-# arctan(t) / t in t^2, and log(1 + t) / t in t: both to 2e-7
-_A0, _A1, _A2, _A3, _A4, _A5, _A6, _A7 = _fit(np.arctan(np.sqrt(_NODES)) / np.sqrt(_NODES), _NODES)
-_L0, _L1, _L2, _L3, _L4, _L5, _L6, _L7 = _fit(np.log1p(_NODES) / _NODES, _NODES)
+# both to 2e-7
+_A0, _A1, _A2, _A3, _A4, _A5, _A6, _A7 = map(np.float32, polynomial(arctan_ratio, 7))
+_L0, _L1, _L2, _L3, _L4, _L5, _L6, _L7 = map(np.float32, polynomial(lambda t: np.log1p(t) / t, 7))
 _ZERO, _ONE, _HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 _PI, _HALF_PI, _TINY = np.float32(np.pi), np.float32(0.5 * np.pi), np.float32(1e-30)
 _SIXTH, _SIXTYFOURTH = np.float32(1.0 / 6.0), np.float32(1.0 / 64.0)
