@@ -11,6 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from pflut.campaign.outcome import DriveOutcome
 from pflut.campaign.summary import calibration_curve
+from pflut.plot.reliability import draw_reliability
 from pflut.plot.style import CYCLE, GREY, new_figure, tidy
 
 COLORS = (*CYCLE, GREY)
@@ -149,20 +150,12 @@ def confidence_figure(group: Group, *, title: str | None = None) -> Figure:
     """
     figure = new_figure(5.6, 5.4)
     axes = figure.add_subplot()
-    axes.plot([0, 100], [0, 100], color=GREY, linewidth=0.8)
-    for color, (name, some) in zip(COLORS * len(group), group.items(), strict=False):
-        curve = [part for part in calibration_curve(some) if part.count >= FEWEST]
-        x = 100.0 * np.array([part.predicted for part in curve])
-        y = 100.0 * np.array([part.observed for part in curve])
-        low = y - 100.0 * np.array([part.low for part in curve])
-        high = 100.0 * np.array([part.high for part in curve]) - y
-        spread = np.maximum([low, high], 0.0)
-        axes.errorbar(
-            *(x, y, spread), color=color, marker="o", markersize=4, lw=1.2, label=name, zorder=3
-        )
+    curves = {
+        name: [part for part in calibration_curve(some) if part.count >= FEWEST]
+        for name, some in group.items()
+    }
+    draw_reliability(axes, curves, COLORS)
     axes.set(
-        xlim=(-2, 102),
-        ylim=(-2, 102),
         aspect="equal",
         xlabel="confidence [%]",
         ylabel="estimates within 0.5 m and 10 degrees [%]",

@@ -93,7 +93,7 @@ class LinkModel:
             raise ValueError(f"bias: expected a finite number, got {self.bias}")
         object.__setattr__(self, "weights", weights)
         object.__setattr__(self, "bias", float(self.bias))
-        object.__setattr__(self, "prior", float(_checked_prior(self.prior)))
+        object.__setattr__(self, "prior", float(checked_prior(self.prior)))
 
     def log_odds(self, evidence: LinkEvidence, *, prior: float | None = None) -> FloatArray:
         """Compute the log-odds of a link.
@@ -119,7 +119,7 @@ class LinkModel:
         # not a matrix product: the same pair has the same odds whatever the others are
         odds = (link_features(evidence) * self.weights).sum(axis=1) + self.bias
         if prior is not None:
-            odds = odds + logit(_checked_prior(prior)) - logit(self.prior)
+            odds = odds + logit(checked_prior(prior)) - logit(self.prior)
         return np.asarray(odds)
 
     def probability(self, evidence: LinkEvidence, *, prior: float | None = None) -> FloatArray:
@@ -330,7 +330,8 @@ def _checksum(content: Mapping[str, Any]) -> str:
     return checksum(json.dumps(content, sort_keys=True), {})
 
 
-def _checked_prior(prior: float) -> float:
+def checked_prior(prior: float) -> float:
+    """Return a share of linked pairs; raise ValueError if it is not in (0, 1)."""
     if not 0.0 < prior < 1.0:
         raise ValueError(f"prior: expected a share in (0, 1), got {prior}")
     return prior

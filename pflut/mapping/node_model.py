@@ -14,18 +14,11 @@ from pflut.geometry import FloatArray
 from pflut.likelihood.table import LikelihoodTable
 from pflut.mapping.link_evidence import LinkEvidence, link_evidence
 from pflut.mapping.topological_map import TopologicalMap
+from pflut.reference_map import NO_FEATURES
 from pflut.retrieval import Vocabulary
 
 if TYPE_CHECKING:
     from pflut.features import FeatureExtractor
-
-NOTHING = Features(
-    np.empty(0),
-    np.empty(0),
-    np.empty((0, 1), np.float32),
-    np.empty((0, 2), np.float32),
-    np.empty(0, np.float32),
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +127,7 @@ class NodeModel:
         self.ratio = ratio
         self.mutual = mutual
         self._vocabulary = Vocabulary.learn([f.descriptors for f in features])
-        self._last: tuple[Features, NodeMatches] = (NOTHING, NO_NODES)
+        self._last: tuple[Features, NodeMatches] = (NO_FEATURES, NO_NODES)
         self._signatures = np.stack([self._vocabulary.signature(f.descriptors) for f in features])
 
     def similarity(self, features: Features) -> NDArray[np.float32]:

@@ -16,7 +16,7 @@ from pflut.features import Features, match_many
 from pflut.likelihood.table import LikelihoodTable
 from pflut.mapping.constraint import PoseConstraint, extract_constraint
 from pflut.mapping.link_evidence import link_evidence
-from pflut.mapping.link_model import LinkModel
+from pflut.mapping.link_model import LinkModel, checked_prior
 from pflut.mapping.links import Links
 from pflut.posterior import check_temperature, pose_posterior
 from pflut.von_mises.mixture import VonMisesMixture
@@ -76,8 +76,8 @@ class LinkOptions:
                 f"min_probability: expected a number in [0, 1], got {self.min_probability}"
             )
         check_temperature(self.temperature)
-        if self.prior is not None and not 0.0 < self.prior < 1.0:
-            raise ValueError(f"prior: expected a share in (0, 1), got {self.prior}")
+        if self.prior is not None:
+            checked_prior(self.prior)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

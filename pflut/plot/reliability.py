@@ -5,11 +5,36 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from pflut.plot.style import CYCLE, GREY, new_figure, tidy
 from pflut.reliability import CalibrationBin
+
+
+def draw_reliability(
+    axes: Axes, curves: Mapping[str, Sequence[CalibrationBin]], colors: Sequence[str]
+) -> None:
+    """Draw shares against probabilities, in percent, with their intervals and the diagonal.
+
+    Parameters
+    ----------
+    axes : Axes
+    curves : mapping of str to sequence of CalibrationBin
+        By name, for a legend.
+    colors : sequence of str
+        Of the curves, in turn.
+    """
+    axes.plot([0, 100], [0, 100], color=GREY, linewidth=0.8)
+    for color, (name, curve) in zip([*colors] * len(curves), curves.items(), strict=False):
+        rows = [(part.predicted, part.observed, part.low, part.high) for part in curve]
+        x, y, low, high = 100.0 * np.array(rows).reshape(-1, 4).T
+        spread = np.maximum([y - low, high - y], 0.0)
+        axes.errorbar(
+            *(x, y, spread), color=color, marker="o", markersize=4, lw=1.2, label=name, zorder=3
+        )
+    axes.set(xlim=(-2, 102), ylim=(-2, 102))
 
 
 def plot_reliability(
@@ -43,17 +68,12 @@ def plot_reliability(
         raise ValueError("curves: expected at least one, each with events")
     figure = new_figure(5.6, 8.0)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
-    upper.plot([0, 100], [0, 100], color=GREY, linewidth=0.8)
-    for color, (name, curve) in zip(CYCLE * len(curves), curves.items(), strict=False):
-        x, y, low, high = (
-            100.0
-            * np.array([(part.predicted, part.observed, part.low, part.high) for part in curve]).T
-        )
-        spread = np.maximum([y - low, high - y], 0.0)
-        upper.errorbar(x, y, spread, color=color, marker="o", markersize=4, lw=1.2, label=name)
+    draw_reliability(upper, curves, CYCLE)
+    for color, curve in zip(CYCLE * len(curves), curves.values(), strict=False):
+        predicted = [100.0 * part.predicted for part in curve]
         counts = [part.count for part in curve]
-        lower.plot(x, counts, color=color, marker="o", markersize=4, lw=1.2)
-    upper.set(xlim=(-2, 102), ylim=(-2, 102), ylabel=f"{what} [%]")
+        lower.plot(predicted, counts, color=color, marker="o", markersize=4, lw=1.2)
+    upper.set(ylabel=f"{what} [%]")
     lower.set(yscale="log", xlabel="probability [%]", ylabel="how many")
     for axes in (upper, lower):
         tidy(axes)
