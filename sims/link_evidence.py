@@ -1,6 +1,6 @@
 """Do two images show one place? The probability of a link: learned, and checked.
 
-    python sims/link_evidence.py [--quick] [--real PATH ...] [--output DIR]
+    python sims/link_evidence.py [--quick] [--ahead] [--real PATH ...] [--output DIR]
 
 Learns the models that come with pflut from all pairs of the images of rendered homes 100 to 111,
 every other image, and checks them on homes 200 to 209, on simulated drives through homes of
@@ -40,7 +40,8 @@ from pflut.datasets import Dataset, load_simulated_home
 from pflut.features import FeatureCache, Features
 from pflut.geometry import bearing_vectors, wrap_to_pi
 from pflut.mapping.link_evidence import LinkEvidence, link_evidence
-from pflut.mapping.link_model import LinkModel
+from pflut.mapping.link_model import AHEAD as AHEAD_FEATURES
+from pflut.mapping.link_model import ALL_AROUND, LinkModel
 from pflut.mapping.true_links import INDOORS, ON_ROADS, dataset_links, true_links
 from pflut.plot import plot_precision_recall, plot_reliability, save_figure
 from pflut.reliability import (
@@ -63,6 +64,8 @@ AHEAD = float(np.radians(82.0))
 AHEAD_RULE = replace(INDOORS, min_overlap=ON_ROADS.min_overlap)
 #: The table of each model.
 TABLES = {"panorama": "panorama", "home": "home", "perspective": "panorama"}
+#: What each model weighs.
+FEATURES = {"panorama": ALL_AROUND, "home": ALL_AROUND, "perspective": AHEAD_FEATURES}
 RESAMPLES = 1000
 FEWEST = 5  # pairs of a class that is drawn
 PIXELS = (0.5, 1.0, 2.0, 4.0)
@@ -91,7 +94,8 @@ class Measured:
 
     def learned_from(self, other: Measured) -> Measured:
         """Return the same with a model learned from other pairs."""
-        return replace(self, own=LinkModel.learn(other.first, other.linked))
+        features = FEATURES[next(iter(other.evidence))]
+        return replace(self, own=LinkModel.learn(other.first, other.linked, features=features))
 
     def part(self, name: str, chosen: np.ndarray) -> Measured:
         """Return some of the pairs."""
@@ -272,6 +276,7 @@ def learn(name: str, parts: Sequence[Measured], path: Path) -> LinkModel:
             "table": TABLES[name],
             "rule": vars(AHEAD_RULE if name == "perspective" else INDOORS),
         },
+        features=FEATURES[name],
     )
     model.save(path)
     print(f"{name}: weights {np.round(model.weights, 3)}, {all_pairs.linked.mean():.3f} linked")
@@ -342,6 +347,7 @@ def main() -> None:
     """Learn and check."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="two homes each, fewer images")
+    parser.add_argument("--ahead", action="store_true", help="only cameras that look ahead")
     parser.add_argument("--real", nargs="+", default=[], metavar="PATH", help="real datasets")
     parser.add_argument("--output", type=Path, default=Path("results/link_evidence"))
     arguments = parser.parse_args()
@@ -349,31 +355,34 @@ def main() -> None:
     every, few = (6, slice(2)) if arguments.quick else (2, slice(None))
     both = ["home", "panorama"]
     known = [load_simulated_home(seed) for seed in LEARNED[few]]
-    parts = {"home": [of_dataset(home, every, both, rivals=False) for home in known]}
-    parts["panorama"] = parts["home"]
-    parts["perspective"] = [ahead_in(home, every, rivals=False) for home in known]
+    parts = {"perspective": [ahead_in(home, every, rivals=False) for home in known]}
+    if not arguments.ahead:
+        parts["home"] = [of_dataset(home, every, both, rivals=False) for home in known]
+        parts["panorama"] = parts["home"]
     models = {
         name: learn(name, some, arguments.output / f"links_{name}.json")
         for name, some in parts.items()
     }
     unseen = [load_simulated_home(seed) for seed in CHECKED[few]]
-    by_home = [of_dataset(home, every, both, rivals=True) for home in unseen]
-    homes = Measured.pooled("rendered homes", by_home)
     ahead = Measured.pooled(
         "rendered homes, 82 degrees", [ahead_in(home, every, rivals=True) for home in unseen]
     )
-    sets = [homes, ahead]
-    for name, scenario in LANDMARK_DRIVES.items():
-        rare = 6 if arguments.quick else 3
-        checked, others = (
-            of_landmarks(name, scenario, seeds[few][:4], rare, rivals=seeds is CHECKED)
-            for seeds in (CHECKED, LEARNED)
-        )
-        sets.append(checked.learned_from(others))
+    sets = [ahead]
+    if not arguments.ahead:
+        by_home = [of_dataset(home, every, both, rivals=True) for home in unseen]
+        sets.insert(0, Measured.pooled("rendered homes", by_home))
+        for name, scenario in LANDMARK_DRIVES.items():
+            rare = 6 if arguments.quick else 3
+            checked, others = (
+                of_landmarks(name, scenario, seeds[few][:4], rare, rivals=seeds is CHECKED)
+                for seeds in (CHECKED, LEARNED)
+            )
+            sets.append(checked.learned_from(others))
     for path in arguments.real:
         dataset = load_dataset(path)
         if not isinstance(dataset.camera, Perspective):
-            sets.append(of_dataset(dataset, 1, both, rivals=True))
+            if not arguments.ahead:
+                sets.append(of_dataset(dataset, 1, both, rivals=True))
             continue
         road = of_dataset(dataset, 6 if arguments.quick else 3, ["perspective"], rivals=True)
         late = road.ends >= len(dataset) // 2
@@ -392,19 +401,28 @@ def main() -> None:
     print()
     for some in sets:
         calibrated(some, models)
+    if not arguments.ahead:
+        of_rooms(by_home, [features_of(home, every) for home in unseen], models, arguments.quick)
+        draw(sets[0], sets, models, arguments.output)
+    print(f"\nwritten: {arguments.output}")
+
+
+def of_rooms(
+    by_home: Sequence[Measured],
+    features: Sequence[Mapping[int, Features]],
+    models: Mapping[str, LinkModel],
+    quick: bool,
+) -> None:
+    """Print how much homes differ, and what is said of pairs of images of different ones."""
     errors = [
         expected_calibration_error(models["home"].probability(part.evidence["home"]), part.linked)
         for part in by_home
     ]
     print(f"each home by itself, model home: ECE {min(errors):.3f} to {max(errors):.3f}")
-    strangers = of_strangers(
-        [features_of(home, every) for home in unseen], 400 if arguments.quick else 4000
-    )
+    strangers = of_strangers(features, 400 if quick else 4000)
     given = models["home"].probability(strangers)
     print(f"images of different homes: {(given > 0.5).mean():.4f} above 0.5, ", end="")
     print(f"{(given > 0.9).mean():.4f} above 0.9, the mean is {given.mean():.3f}")
-    draw(homes, sets, models, arguments.output)
-    print(f"\nwritten: {arguments.output}")
 
 
 def draw(

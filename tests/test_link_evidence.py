@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from evidence import some_evidence
 
 from pflut.correspondences import Correspondences
 from pflut.geometry import TWO_PI
@@ -29,15 +30,26 @@ def test_evidence_is_that_of_the_estimates() -> None:
     evidence = link_evidence(pairs, TABLE)
     assert evidence.log_evidence.tolist() == [pose.log_evidence for pose in poses]
     assert evidence.num_matches.tolist() == [40] * 5 + [20] * 5 + [0]
-    for pair, pose, directions in zip(pairs, poses, evidence.num_directions, strict=True):
+    assert evidence.num_inliers.tolist() == [pose.num_inliers for pose in poses]
+    assert evidence.rotation.tolist() == [pose.rotation for pose in poses]
+    assert evidence.rotation_std.tolist() == [pose.rotation_std for pose in poses]
+    for k, (pair, pose) in enumerate(zip(pairs, poses, strict=True)):
         chosen = agreeing(pair, pose, noise=TABLE.noise)
-        sectors = [
-            {int(angle // (TWO_PI / DIRECTIONS)) for angle in azimuth[chosen]}
-            for azimuth in (pair.azimuth_l, pair.azimuth_r)
-        ]
-        assert directions == min(map(len, sectors))
+        views = [azimuth[chosen] for azimuth in (pair.azimuth_l, pair.azimuth_r)]
+        sectors = [{int(angle // (TWO_PI / DIRECTIONS)) for angle in view} for view in views]
+        assert evidence.num_directions[k] == min(map(len, sectors))
+        assert evidence.spread[k] == pytest.approx(min(map(chords, views)), abs=1e-7)
     given = link_evidence(pairs, TABLE, poses=poses)
     assert (given.num_directions == evidence.num_directions).all()
+
+
+def chords(azimuth: np.ndarray) -> float:
+    """The root mean square chord from directions to their mean one."""
+    if not len(azimuth):
+        return 0.0
+    points = np.exp(1j * azimuth)
+    middle = points.mean() / abs(points.mean())
+    return float(np.sqrt(np.mean(np.abs(points - middle) ** 2)))
 
 
 def test_evidence_of_a_pair_does_not_depend_on_the_others() -> None:
@@ -74,6 +86,11 @@ def test_agreeing_matches_of_one_window_are_one_direction() -> None:
     assert (found.log_evidence > 20.0).all()
     assert found.num_directions[0] == 1
     assert found.num_directions[1] == DIRECTIONS
+    # the standard deviation of a narrow window, and all around the circle's
+    assert found.spread[0] == pytest.approx(np.std(azimuth), rel=0.01)
+    assert found.spread[1] == pytest.approx(np.sqrt(2.0), abs=0.05)
+    assert found.num_inliers.tolist() == [40, 40]
+    assert found.rotation == pytest.approx([-1.0, -1.0], abs=0.02)
 
 
 def test_true_matches_have_evidence_and_chance_has_none() -> None:
@@ -85,15 +102,18 @@ def test_true_matches_have_evidence_and_chance_has_none() -> None:
 
 
 def test_evidence_is_checked() -> None:
-    one = LinkEvidence([3.0], [10], [4])
-    both = LinkEvidence.together([one, LinkEvidence([-1.0, 2.0], [5, 6], [1, 2])])
+    one = some_evidence([3.0], 10)
+    both = LinkEvidence.together([LinkEvidence.empty(), one, some_evidence([-1.0, 2.0], [5, 6])])
     assert both.num_matches.tolist() == [10, 5, 6] and len(both[1:]) == 2
     with pytest.raises(ValueError, match=r"num_matches: expected shape \(1,\), got \(2,\)"):
-        LinkEvidence([3.0], [10, 11], [4])
+        LinkEvidence([3.0], [10, 11], [4], [4], [0.1], [0.0], [0.1])  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="log_evidence: expected finite numbers"):
-        LinkEvidence([np.nan], [10], [4])
-    with pytest.raises(ValueError, match="num_directions: expected counts, got -4"):
-        LinkEvidence([3.0], [10], [-4])
+        some_evidence([np.nan], 10)
+    with pytest.raises(ValueError, match="num_directions: expected none below zero, got -4"):
+        some_evidence([3.0], 10, -4)
+    with pytest.raises(ValueError, match=r"rotation_std: expected none below zero, got -0\.1"):
+        some_evidence([3.0], 10, rotation_std=-0.1)
+    assert some_evidence([3.0], 10, rotation=-3.0).rotation.tolist() == [-3.0]
     pair = simulated(1, 10, 0.5, 7)
     with pytest.raises(ValueError, match="poses: expected 1, one a pair, got 0"):
         link_evidence(pair, TABLE, poses=[])

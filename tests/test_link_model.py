@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from evidence import some_evidence
 
 from pflut.camera import EquirectangularPanorama, Perspective
 from pflut.correspondences import Correspondences
 from pflut.likelihood.table import LikelihoodTable
 from pflut.mapping.link_evidence import LinkEvidence, link_evidence
 from pflut.mapping.link_model import (
-    FEATURES,
+    AHEAD,
+    ALL_AROUND,
+    LEAST_ROTATION_STD,
     RIDGE,
     LinkModel,
     link_features,
@@ -26,22 +30,34 @@ from pflut.simulation.landmark_drive import simulate_drive
 SIGMAS = 5.0
 
 
-def drawn(number: int, seed: int = 0) -> tuple[LinkEvidence, np.ndarray, LinkModel]:
+KNOWN = LinkModel([1.2, -0.8, 6.0], -2.5, 0.5)
+KNOWN_AHEAD = LinkModel([1.2, -0.8, 2.0, 1.5, 1.0, -0.3], -3.5, 0.5, features=AHEAD)
+
+
+def drawn(
+    number: int, seed: int = 0, truth: LinkModel = KNOWN
+) -> tuple[LinkEvidence, np.ndarray, LinkModel]:
     """Pairs whose links are drawn by a known model."""
     rng = np.random.default_rng(seed)
-    evidence = LinkEvidence(
+    matches = rng.integers(5, 100, number)
+    evidence = some_evidence(
         rng.exponential(20.0, number) - 2.0,
-        rng.integers(5, 100, number),
+        matches,
         rng.integers(0, 12, number),
+        num_inliers=rng.integers(0, matches + 1),
+        spread=rng.uniform(0.0, 1.4, number),
+        rotation=rng.uniform(-np.pi, np.pi, number),
+        rotation_std=rng.lognormal(-4.0, 1.0, number),
     )
-    truth = LinkModel([1.2, -0.8, 6.0], -2.5, 0.5)
     return evidence, rng.random(number) < truth.probability(evidence), truth
 
 
-def test_a_known_model_is_learned() -> None:
-    evidence, linked, truth = drawn(20_000)
-    model = LinkModel.learn(evidence, linked)
-    features = np.column_stack([link_features(evidence), np.ones(len(linked))])
+@pytest.mark.parametrize("truth", [KNOWN, KNOWN_AHEAD])
+def test_a_known_model_is_learned(truth: LinkModel) -> None:
+    evidence, linked, truth = drawn(20_000, truth=truth)
+    model = LinkModel.learn(evidence, linked, features=truth.features)
+    weighed = link_features(evidence, truth.features)
+    features = np.column_stack([weighed, np.ones(len(linked))])
     p = truth.probability(evidence)
     information = (features * (p * (1.0 - p))[:, None]).T @ features
     spread = np.sqrt(np.diag(np.linalg.inv(information)))
@@ -80,7 +96,7 @@ def test_weights_are_repetitions() -> None:
 
 
 def test_pairs_that_can_be_told_apart_give_finite_weights() -> None:
-    evidence = LinkEvidence([0.0, 0.0, 50.0, 50.0], [20] * 4, [2] * 4)
+    evidence = some_evidence([0.0, 0.0, 50.0, 50.0], 20, 2)
     given = LinkModel.learn(evidence, [False, False, True, True]).probability(evidence)
     assert (given[:2] < 0.5).all() and (given[2:] > 0.5).all()
     # what is the same in all pairs has no say
@@ -106,12 +122,53 @@ def test_a_pair_has_the_same_probability_in_any_company() -> None:
 def test_the_shipped_models_believe_what_speaks_for_a_link(name: str) -> None:
     model = LinkModel.default(name)  # type: ignore[arg-type]
     assert 0.0 < model.prior < 0.5 and model.learned_from["homes"][0] == "100"
-    evidence = LinkEvidence([0.0, 5.0, 50.0, 50.0], [20] * 4, [0, 3, 3, 12])
+    evidence = some_evidence(
+        [0.0, 5.0, 50.0, 50.0],
+        20,
+        [0, 3, 3, 12],
+        num_inliers=[0, 5, 15, 15],
+        spread=[0.0, 0.3, 0.3, 0.4],
+        rotation=[3.0, 1.0, 0.2, 0.2],
+        rotation_std=[0.5, 0.05, 0.01, 0.01],
+    )
     given = model.probability(evidence)
     assert (np.diff(given) > 0.0).all()
     assert given[0] < 0.2
     with pytest.raises(ValueError, match="name: expected one of panorama, home, perspective"):
         LinkModel.default("town")  # type: ignore[arg-type]
+
+
+def test_ahead_no_direction_but_a_turn_counts() -> None:
+    model = LinkModel.default("perspective")
+    assert model.features == AHEAD
+    few, many = model.log_odds(some_evidence([50.0, 50.0], 40, [1, 5], num_inliers=30))
+    assert few == many
+    for name, values in (
+        ("rotation", [0.0, 0.8]),
+        ("rotation", [0.0, -0.8]),
+        ("rotation_std", [0.005, 0.05]),
+        ("spread", [0.4, 0.1]),
+        ("num_inliers", [35, 20]),
+    ):
+        others: dict[str, Any] = {"num_inliers": 30} | {name: values}
+        more, less = model.log_odds(some_evidence([50.0, 50.0], 40, **others))
+        assert more > less
+
+
+def test_features_are_what_they_say() -> None:
+    evidence = some_evidence(
+        [3.0, -3.0], [4, 0], 8, num_inliers=[3, 0], spread=0.5, rotation=2.0, rotation_std=[0.1, 0]
+    )
+    found = link_features(evidence, [*AHEAD, "num_directions"])
+    expected = [
+        [np.arcsinh(3.0), np.log(5.0), 0.75, 0.5, np.cos(2.0), np.log(0.1), 0.5],
+        [-np.arcsinh(3.0), 0.0, 0.0, 0.5, np.cos(2.0), np.log(LEAST_ROTATION_STD), 0.5],
+    ]
+    np.testing.assert_allclose(found, expected)
+    assert (link_features(evidence) == link_features(evidence, ALL_AROUND)).all()
+    for names in ([], ["luck"], "spread", [["spread"]]):
+        with pytest.raises(ValueError, match="features: expected some of log_evidence, num_matche"):
+            link_features(evidence, names)  # type: ignore[arg-type]
 
 
 def test_a_model_is_named_where_it_is_known_to_hold() -> None:
@@ -145,13 +202,13 @@ def test_a_model_learned_in_some_homes_is_calibrated_in_another() -> None:
 
 def test_its_file(tmp_path: Path) -> None:
     evidence, linked, _ = drawn(100, seed=6)
-    model = LinkModel.learn(evidence, linked, learned_from={"source": "a test"})
+    model = LinkModel.learn(evidence, linked, learned_from={"source": "a test"}, features=AHEAD)
     path = tmp_path / "model.json"
     model.save(path)
     again = LinkModel.load(path)
     assert (again.weights == model.weights).all()
     assert (again.bias, again.prior) == (model.bias, model.prior)
-    assert again.learned_from == model.learned_from
+    assert again.learned_from == model.learned_from and again.features == AHEAD
 
     def spoiled(**changes: object) -> Path:
         content = json.loads(path.read_text()) | changes
@@ -163,6 +220,8 @@ def test_its_file(tmp_path: Path) -> None:
         ({"format": "a diary"}, "not a pflut link model"),
         ({"version": 2}, "link model version 2, expected 1"),
         ({"features": ["luck"]}, "learn it again or upgrade"),
+        ({"features": [["spread"]]}, "learn it again or upgrade"),
+        ({"features": list(ALL_AROUND)}, "checksum does not match"),
     ):
         with pytest.raises(ValueError, match=message):
             LinkModel.load(spoiled(**changes))
@@ -174,9 +233,15 @@ def test_its_file(tmp_path: Path) -> None:
 
 
 def test_models_are_checked() -> None:
-    evidence = LinkEvidence([1.0, 2.0], [3, 4], [1, 1])
-    with pytest.raises(ValueError, match=f"weights: expected {len(FEATURES)} finite numbers"):
+    evidence = some_evidence([1.0, 2.0], [3, 4])
+    with pytest.raises(ValueError, match="weights: expected 3 finite numbers"):
         LinkModel([1.0], 0.0, 0.5)
+    with pytest.raises(ValueError, match="weights: expected 6 finite numbers"):
+        LinkModel([1.0, 1.0, 1.0], 0.0, 0.5, features=AHEAD)
+    with pytest.raises(ValueError, match=r"features: expected some of .*, got \['luck'\]"):
+        LinkModel([1.0], 0.0, 0.5, features=("luck",))
+    with pytest.raises(ValueError, match="features: expected some of"):
+        LinkModel.learn(evidence, [True, False], features=["luck"])
     with pytest.raises(ValueError, match="bias"):
         LinkModel([1.0, 1.0, 1.0], np.inf, 0.5)
     for prior in (0.0, 1.0, np.nan):

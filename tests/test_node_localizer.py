@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from evidence import some_evidence
 
 from pflut.features import FeatureCache, Features
 from pflut.likelihood.table import LikelihoodTable
 from pflut.localization.particle_filter import ParticleFilter
 from pflut.mapping.all_pairs import dataset_features
-from pflut.mapping.link_evidence import LinkEvidence
 from pflut.mapping.node_localizer import NodeLocalizer
 from pflut.mapping.node_model import NodeMatches, NodeModel
 from pflut.mapping.node_walk import NodeWalk
@@ -200,7 +200,7 @@ def images(count: int, seed: int = 0) -> list[Features]:
 
 def test_the_likelihood_is_tempered_evidence_above_a_floor(small_table: LikelihoodTable) -> None:
     model = NodeModel(small_map(), images(6), small_table, temperature=0.5, link_probability=0.8)
-    matches = NodeMatches(np.array([1, 4]), LinkEvidence([6.0, -40.0], [9, 9], [4, 4]))
+    matches = NodeMatches(np.array([1, 4]), some_evidence([6.0, -40.0], 9, 4))
     found = model.log_likelihood(None, matches)
     expected = np.zeros(6)
     expected[1], expected[4] = np.log(0.8 * np.exp(3.0) + 0.2), np.log(0.2 + 0.8 * np.exp(-20.0))
@@ -243,13 +243,13 @@ def test_wrong_models(small_table: LikelihoodTable) -> None:
     model = NodeModel(small_map(), features, small_table)
     with pytest.raises(ValueError, match="without an extractor"):
         model.log_likelihood(None, np.zeros((8, 8), np.uint8))
-    beyond = NodeMatches(np.array([6]), LinkEvidence([0.0], [0], [0]))
+    beyond = NodeMatches(np.array([6]), some_evidence([0.0], 0, 0))
     with pytest.raises(ValueError, match="nodes 0 to 5"):
         model.log_likelihood(None, beyond)
     with pytest.raises(ValueError, match="expected each once"):
-        NodeMatches(np.array([1, 1]), LinkEvidence([0.0, 0.0], [0, 0], [0, 0]))
+        NodeMatches(np.array([1, 1]), some_evidence([0.0, 0.0], 0, 0))
     with pytest.raises(ValueError, match="expected 2 pairs"):
-        NodeMatches(np.array([1, 2]), LinkEvidence([0.0], [0], [0]))
+        NodeMatches(np.array([1, 2]), some_evidence([0.0], 0, 0))
 
 
 def test_a_drive_through_a_room(

@@ -18,6 +18,7 @@ from pflut.relpose.search import estimate_relative_poses
 
 DIRECTIONS = 16
 """Sectors of azimuth that agreeing matches are counted in."""
+_SIGNED = ("log_evidence", "rotation")
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,32 +33,46 @@ class LinkEvidence:
         `GridPosterior` or a `RelativePose`.
     num_matches : array_like of int, shape (n,)
         Correspondences.
+    num_inliers : array_like of int, shape (n,)
+        Of these, such that agree with the maximum-likelihood pose.
     num_directions : array_like of int, shape (n,)
-        Sectors of 22.5 degrees, of 16, that hold correspondences that agree with the
-        maximum-likelihood pose, in the view where they are fewer. All that agree may show one
-        window, and such a window is in another room, too.
+        Sectors of 22.5 degrees, of 16, that hold correspondences that agree, in the view where
+        they are fewer. All that agree may show one window, and such a window is in another room,
+        too.
+    spread : array_like of shape (n,)
+        Root mean square chord between the azimuths of correspondences that agree and their mean
+        direction, in [0, sqrt(2)], in the view where it is less: within a narrow field of view the
+        standard deviation, radians.
+    rotation : array_like of shape (n,)
+        Of the second view relative to the first, radians.
+    rotation_std : array_like of shape (n,)
+        Its standard deviation, radians.
 
     Raises
     ------
     ValueError
-        If the shapes differ, or a number is not finite or a negative count.
+        If the shapes differ, or a number is not finite or out of its range.
     """
 
     log_evidence: FloatArray
     num_matches: NDArray[np.int64]
+    num_inliers: NDArray[np.int64]
     num_directions: NDArray[np.int64]
+    spread: FloatArray
+    rotation: FloatArray
+    rotation_std: FloatArray
 
     def __post_init__(self) -> None:
         length = np.size(self.log_evidence)
         for item in fields(self):
-            kind = np.float64 if item.name == "log_evidence" else np.int64
+            kind = np.int64 if item.name.startswith("num_") else np.float64
             values = np.array(getattr(self, item.name), dtype=np.float64, ndmin=1)
             if values.shape != (length,):
                 raise ValueError(f"{item.name}: expected shape ({length},), got {values.shape}")
             if not np.isfinite(values).all():
                 raise ValueError(f"{item.name}: expected finite numbers")
-            if kind is np.int64 and (values < 0).any():
-                raise ValueError(f"{item.name}: expected counts, got {values.min():g}")
+            if item.name not in _SIGNED and (values < 0.0).any():
+                raise ValueError(f"{item.name}: expected none below zero, got {values.min():g}")
             object.__setattr__(self, item.name, values.astype(kind))
 
     def __len__(self) -> int:
@@ -67,6 +82,12 @@ class LinkEvidence:
     def __getitem__(self, index: slice | NDArray[Any]) -> LinkEvidence:
         """Select pairs by a slice, an index array or a mask."""
         return LinkEvidence(*(getattr(self, item.name)[index] for item in fields(self)))
+
+    @classmethod
+    def empty(cls) -> LinkEvidence:
+        """Return that of no pairs."""
+        counts, values = np.empty(0, np.int64), np.empty(0)
+        return cls(values, counts, counts, counts, values, values, values)
 
     @classmethod
     def together(cls, parts: Sequence[LinkEvidence]) -> LinkEvidence:
@@ -124,14 +145,15 @@ def link_evidence(
     chosen = np.flatnonzero(agree)
     owner = np.repeat(np.arange(len(pairs)), counts)[chosen]
     # the columns are sines and cosines of azimuth_l, elevation_l, azimuth_r, elevation_r
-    directions = [
-        _sectors(np.arctan2(columns[k, chosen], columns[k + 1, chosen]), owner, len(pairs))
-        for k in (0, 4)
-    ]
+    views = [(columns[k, chosen], columns[k + 1, chosen]) for k in (0, 4)]
     return LinkEvidence(
         np.array([pose.log_evidence for pose in poses]),
         counts,
-        np.minimum(*directions),
+        np.bincount(owner, minlength=len(pairs)),
+        np.minimum(*(_sectors(np.arctan2(*view), owner, len(pairs)) for view in views)),
+        np.minimum(*(_spread(*view, owner, len(pairs)) for view in views)),
+        np.array([pose.rotation for pose in poses]),
+        np.array([pose.rotation_std for pose in poses]),
     )
 
 
@@ -141,3 +163,14 @@ def _sectors(azimuth: FloatArray, owner: NDArray[np.intp], number: int) -> NDArr
     met = np.zeros((number, DIRECTIONS), np.bool_)
     met[owner, sector] = True
     return np.asarray(met.sum(axis=1))
+
+
+def _spread(
+    sine: FloatArray, cosine: FloatArray, owner: NDArray[np.intp], number: int
+) -> FloatArray:
+    """Measure how far each owner's azimuths lie apart, shape (number,); zero where none are."""
+    count = np.bincount(owner, minlength=number)
+    length = np.hypot(*(np.bincount(owner, part, minlength=number) for part in (sine, cosine)))
+    shares = np.divide(length, count, out=np.ones(number), where=count > 0)
+    # the mean squared chord to the mean direction of unit vectors whose mean has this length
+    return np.sqrt(2.0 * np.maximum(1.0 - shares, 0.0))

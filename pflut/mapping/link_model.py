@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import as_file, files
 from typing import Any, Literal
@@ -27,32 +27,48 @@ Name = Literal["panorama", "home", "perspective"]
 _OF_TABLES: dict[str, Name] = {"default": "panorama", "home": "home"}
 SHIPPED = {name: f"links_{name}.json" for name in ("panorama", "home", "perspective")}
 
+LEAST_ROTATION_STD = 1e-4
+"""Radians, well below a pixel: to know a rotation better makes no link more probable."""
+# evidence and the number of matches reach from nothing to thousands, and the first of them say
+# most: their logarithms are weighed
+_FEATURES: dict[str, Callable[[LinkEvidence], FloatArray]] = {
+    "log_evidence": lambda evidence: np.arcsinh(evidence.log_evidence),
+    "num_matches": lambda evidence: np.log1p(evidence.num_matches),
+    "inlier_share": lambda evidence: evidence.num_inliers / np.maximum(evidence.num_matches, 1),
+    "num_directions": lambda evidence: evidence.num_directions / DIRECTIONS,
+    "spread": lambda evidence: evidence.spread,
+    "rotation": lambda evidence: np.cos(evidence.rotation),
+    "rotation_std": lambda evidence: np.log(np.maximum(evidence.rotation_std, LEAST_ROTATION_STD)),
+}
+ALL_AROUND = ("log_evidence", "num_matches", "num_directions")
+"""What tells links of panoramas."""
+AHEAD = ("log_evidence", "num_matches", "inlier_share", "spread", "rotation", "rotation_std")
+"""What tells links of cameras that look ahead: a view that turned shares less with another, and in
+how few directions matches agree says little where all of them lie within a few."""
 
-FEATURES = ("log_evidence", "num_matches", "num_directions")
 
-
-def link_features(evidence: LinkEvidence) -> FloatArray:
-    """Return what the model weighs, of shape (n, 3).
-
-    Evidence and the number of matches reach from nothing to thousands, and the first of them say
-    most: their logarithms are weighed.
+def link_features(evidence: LinkEvidence, names: Sequence[str] = ALL_AROUND) -> FloatArray:
+    """Return what a model weighs.
 
     Parameters
     ----------
     evidence : LinkEvidence
+        Of n pairs.
+    names : sequence of str
+        Of features: ``log_evidence`` and ``num_matches`` (their logarithms), ``inlier_share`` (of
+        all matches), ``num_directions`` (of 16), ``spread``, ``rotation`` (its cosine) and
+        ``rotation_std`` (its logarithm).
 
     Returns
     -------
-    ndarray of shape (n, len(FEATURES))
+    ndarray of shape (n, len(names))
+
+    Raises
+    ------
+    ValueError
+        If there is no such feature.
     """
-    return np.stack(
-        [
-            np.arcsinh(evidence.log_evidence),
-            np.log1p(evidence.num_matches),
-            evidence.num_directions / DIRECTIONS,
-        ],
-        axis=1,
-    )
+    return np.stack([_FEATURES[name](evidence) for name in checked_features(names)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +81,7 @@ class LinkModel:
 
     Parameters
     ----------
-    weights : array_like of shape (len(FEATURES),)
+    weights : array_like of shape (len(features),)
         Of the features as they are.
     bias : float
         The log-odds where all features are zero.
@@ -73,22 +89,28 @@ class LinkModel:
         Share in (0, 1) of linked pairs among those it was learned from.
     learned_from : dict
         How it was learned; stored in its file.
+    features : sequence of str
+        What it weighs, see `link_features`.
 
     Raises
     ------
     ValueError
-        If a number is not finite or out of its range, or there are not as many weights.
+        If a number is not finite or out of its range, or there are not as many weights as features,
+        or no such features.
     """
 
     weights: FloatArray
     bias: float
     prior: float
     learned_from: dict[str, Any] = field(default_factory=dict)
+    features: tuple[str, ...] = ALL_AROUND
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "features", checked_features(self.features))
         weights = np.ascontiguousarray(self.weights, dtype=np.float64)
-        if weights.shape != (len(FEATURES),) or not np.isfinite(weights).all():
-            raise ValueError(f"weights: expected {len(FEATURES)} finite numbers, got {weights}")
+        count = len(self.features)
+        if weights.shape != (count,) or not np.isfinite(weights).all():
+            raise ValueError(f"weights: expected {count} finite numbers, got {weights}")
         if not np.isfinite(self.bias):
             raise ValueError(f"bias: expected a finite number, got {self.bias}")
         object.__setattr__(self, "weights", weights)
@@ -117,7 +139,7 @@ class LinkModel:
             If the prior is out of its range.
         """
         # not a matrix product: the same pair has the same odds whatever the others are
-        odds = (link_features(evidence) * self.weights).sum(axis=1) + self.bias
+        odds = (link_features(evidence, self.features) * self.weights).sum(axis=1) + self.bias
         if prior is not None:
             odds = odds + logit(checked_prior(prior)) - logit(self.prior)
         return np.asarray(odds)
@@ -150,6 +172,7 @@ class LinkModel:
         *,
         weights: ArrayLike | None = None,
         learned_from: Mapping[str, Any] | None = None,
+        features: Sequence[str] = ALL_AROUND,
     ) -> LinkModel:
         """Learn a model from pairs of which it is known whether they are linked.
 
@@ -166,6 +189,9 @@ class LinkModel:
             How often each pair counts.
         learned_from : mapping, optional
             JSON-serialisable, kept with the model.
+        features : sequence of str
+            What it is to weigh: `ALL_AROUND` for panoramas, `AHEAD` for cameras that look ahead, or
+            other `link_features`.
 
         Returns
         -------
@@ -174,7 +200,7 @@ class LinkModel:
         Raises
         ------
         ValueError
-            If the shapes differ, or all pairs are linked or none.
+            If the shapes differ, all pairs are linked or none, or there is no such feature.
         """
         yes = np.asarray(linked, dtype=bool)
         times = np.ones(len(evidence)) if weights is None else np.asarray(weights, np.float64)
@@ -189,15 +215,16 @@ class LinkModel:
         share = times @ yes / total if total > 0.0 else 0.0
         if not 0.0 < share < 1.0:
             raise ValueError("linked: expected pairs that are, and pairs that are not")
-        raw = link_features(evidence)
+        raw = link_features(evidence, features)
         mean = times @ raw / total
         scale = np.sqrt(times @ (raw - mean) ** 2 / total)
         scale[scale < 1e-9] = 1.0
-        features = np.column_stack([(raw - mean) / scale, np.ones(len(raw))])
-        found = fit_logistic(features, yes, times, ridge=RIDGE)
+        columns = np.column_stack([(raw - mean) / scale, np.ones(len(raw))])
+        found = fit_logistic(columns, yes, times, ridge=RIDGE)
         slopes = found[:-1] / scale
         about = dict(learned_from or {}) | {"pairs": len(yes), "linked": int(yes.sum())}
-        return cls(slopes, float(found[-1] - slopes @ mean), float(share), about)
+        bias = float(found[-1] - slopes @ mean)
+        return cls(slopes, bias, float(share), about, tuple(features))
 
     @classmethod
     def default(cls, name: Name = "panorama") -> LinkModel:
@@ -208,8 +235,8 @@ class LinkModel:
         name : {"panorama", "home", "perspective"}
             "panorama" judges evidence of the default table, "home" that of the table for homes,
             both of panoramas; "perspective" that of the default table, of cameras in rooms that see
-            some 80 degrees ahead. On a road, where views reach farther than in rooms, that one is
-            far too sure: `learn` another.
+            some 80 degrees ahead. On a road, where views reach farther than in rooms, that one
+            ranks pairs well but is far too sure: `learn` another.
 
         Returns
         -------
@@ -257,7 +284,7 @@ class LinkModel:
         content = read_json(path)
         if content.get("format") != FORMAT:
             raise ValueError(f"{path}: not a {FORMAT}")
-        if content.get("version") != VERSION or content.get("features") != list(FEATURES):
+        if content.get("version") != VERSION or not _known(content.get("features")):
             raise ValueError(
                 f"{path}: link model version {content.get('version')}, expected {VERSION}; "
                 "learn it again or upgrade pflut"
@@ -266,7 +293,8 @@ class LinkModel:
         if stated != _checksum(content):
             raise ValueError(f"{path}: checksum does not match, the file is damaged")
         try:
-            return cls(*(content[name] for name in ("weights", "bias", "prior", "learned_from")))
+            names = ("weights", "bias", "prior", "learned_from", "features")
+            return cls(*(content[name] for name in names))
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"{path}: damaged {FORMAT} ({error})") from None
 
@@ -274,7 +302,7 @@ class LinkModel:
         return {
             "format": FORMAT,
             "version": VERSION,
-            "features": list(FEATURES),
+            "features": list(self.features),
             "weights": self.weights.tolist(),
             "bias": self.bias,
             "prior": self.prior,
@@ -328,6 +356,19 @@ def default_link_model(table: LikelihoodTable) -> LinkModel:
 
 def _checksum(content: Mapping[str, Any]) -> str:
     return checksum(json.dumps(content, sort_keys=True), {})
+
+
+def _known(names: Any) -> bool:
+    if not isinstance(names, list) or not names:
+        return False
+    return all(isinstance(name, str) and name in _FEATURES for name in names)
+
+
+def checked_features(names: Sequence[str]) -> tuple[str, ...]:
+    """Return names of features; raise ValueError if there are none or unknown ones."""
+    if not _known(list(names)):
+        raise ValueError(f"features: expected some of {', '.join(_FEATURES)}, got {list(names)}")
+    return tuple(names)
 
 
 def checked_prior(prior: float) -> float:

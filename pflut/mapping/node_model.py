@@ -46,9 +46,7 @@ class NodeMatches:
             raise ValueError("nodes: expected each once")
 
 
-NO_NODES = NodeMatches(
-    np.empty(0, np.int64), LinkEvidence(np.empty(0), np.empty(0, np.int64), np.empty(0, np.int64))
-)
+NO_NODES = NodeMatches(np.empty(0, np.int64), LinkEvidence.empty())
 
 
 class NodeModel:

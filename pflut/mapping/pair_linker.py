@@ -189,6 +189,7 @@ class PairLinker:
             "pflut": pflut.__version__,
             "table": {"bins": table.bins, "digest": table.digest},
             "link_model": {
+                "features": list(model.features),
                 "weights": model.weights.tolist(),
                 "bias": model.bias,
                 "prior": model.prior,
