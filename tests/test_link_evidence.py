@@ -86,7 +86,7 @@ def test_true_matches_have_evidence_and_chance_has_none() -> None:
 
 def test_evidence_is_checked() -> None:
     one = LinkEvidence([3.0], [10], [4])
-    both = LinkEvidence.together([one, LinkEvidence([-1.0, 2.0], [5, 6], [1, 2])])
+    both = LinkEvidence.concatenate([one, LinkEvidence([-1.0, 2.0], [5, 6], [1, 2])])
     assert both.num_matches.tolist() == [10, 5, 6] and len(both[1:]) == 2
     with pytest.raises(ValueError, match=r"num_matches: expected shape \(1,\), got \(2,\)"):
         LinkEvidence([3.0], [10, 11], [4])

@@ -69,7 +69,7 @@ class LinkEvidence:
         return LinkEvidence(*(getattr(self, item.name)[index] for item in fields(self)))
 
     @classmethod
-    def together(cls, parts: Sequence[LinkEvidence]) -> LinkEvidence:
+    def concatenate(cls, parts: Sequence[LinkEvidence]) -> LinkEvidence:
         """Join the evidence of several sets of pairs, at least one."""
         return cls(
             *(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(cls))

@@ -217,7 +217,7 @@ class NodeModel:
         """Match an image with more nodes."""
         references = [self.features[node] for node in new]
         pairs = match_many(references, features, ratio=self.ratio, mutual=self.mutual)
-        evidence = LinkEvidence.together([known.evidence, link_evidence(pairs, self.table)])
+        evidence = LinkEvidence.concatenate([known.evidence, link_evidence(pairs, self.table)])
         nodes = np.concatenate([known.nodes, new])
         order = np.argsort(nodes)
         return NodeMatches(nodes[order], evidence[order])
