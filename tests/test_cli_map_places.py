@@ -92,9 +92,12 @@ def test_wrong_input(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
         Path("links/run.json").write_text(content)
         refused(run("map", "places", "links"), "run.json: names no images")
     Path("links/run.json").write_text('{"images": ["a", "b"], "arguments": 3, "source": 4}')
-    refused(run("map", "places", "links", "--output", "links"), "links: holds something already")
-    outcome = run("map", "places", "links", "--jobs", 1, "--bins", 32, "--no-mutual")
-    assert outcome.code == 2 and "--jobs, --mutual, --bins: without effect on" in outcome.err
+    outcome = run("map", "places", "links", "--output", "links", "--overwrite")
+    assert outcome.code == 2 and "--output: expected another folder than links" in outcome.err
+    wrong = ("--jobs", 1, "--bins", 32, "--no-mutual", "--images", "all", "--max-images", 2)
+    outcome = run("map", "places", "links", *wrong)
+    assert outcome.code == 2
+    assert "--images, --max-images, --jobs, --mutual, --bins: without effect on" in outcome.err
     Path("links/links.npz").rename("links/settings.json")
     refused(run("map", "places", "links"), "links: the links are not finished")
     monkeypatch.setitem(sys.modules, "networkx", None)

@@ -7,6 +7,7 @@ import math
 import sys
 from collections.abc import Collection
 from dataclasses import Field, fields
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pflut.replay.options import ReplayOptions
@@ -58,6 +59,34 @@ def add_references(parser: argparse.ArgumentParser | argparse._ArgumentGroup) ->
         help="which images make the map: every Nth, all (leave one out) or a file of image names "
         "(default: what the dataset says)",
     )
+
+
+def add_output(parser: argparse.ArgumentParser, name: str) -> None:
+    """Add --output; ``name`` is how the folder ends that is made without it."""
+    parser.add_argument(
+        "--output",
+        metavar="DIR",
+        type=Path,
+        help=f"folder of the results (default: results/<date>_<time>_{name})",
+    )
+
+
+def add_overwrite(parser: argparse.ArgumentParser) -> None:
+    """Add --overwrite."""
+    parser.add_argument(
+        "--overwrite",
+        action="store_true",
+        help="let --output be a folder that holds files: the results of a former run are deleted, "
+        "other files stay",
+    )
+
+
+def refuse_as_output(arguments: argparse.Namespace, source: str) -> None:
+    """End as wrong usage where results would go among, and replace, the files that are read."""
+    output: Path | None = arguments.output
+    if output is not None and output.is_dir() and Path(source).is_dir() and output.samefile(source):
+        parser: argparse.ArgumentParser = arguments.parser
+        parser.error(f"argument --output: expected another folder than {source}, which is read")
 
 
 def add_cache(parser: argparse.ArgumentParser) -> None:

@@ -8,12 +8,28 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pflut.cli.arguments import as_json, command_line
+from pflut.cli.arguments import as_json, command_line, positive
 
 if TYPE_CHECKING:
     from pflut.cli.progress import Bars
     from pflut.datasets.base import Dataset
     from pflut.mapping.links import Links
+
+_FILES = (
+    "map.g2o",
+    "poses.tum",
+    "odometry.tum",
+    "groundtruth.tum",
+    "metrics.json",
+    "topological_map.graphml",
+    "places.json",
+    "steps.csv",
+    "figures/map.png",
+    "figures/places.png",
+    "figures/nodes.png",
+    "run.json",
+)
+"""What the actions write but for the links."""
 
 
 def add_source(parser: argparse.ArgumentParser) -> None:
@@ -25,14 +41,23 @@ def add_source(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_output(parser: argparse.ArgumentParser, action: str) -> None:
-    """Add --output."""
+def add_images(parser: argparse.ArgumentParser, which: str = "") -> None:
+    """Add --images and --max-images; ``which`` says what else the images must have."""
     parser.add_argument(
-        "--output",
-        metavar="DIR",
-        type=Path,
-        help=f"folder of the results (default: results/<date>_<time>_<dataset>-{action})",
+        "--images",
+        choices=("all", "references", "queries"),
+        help=f"of the dataset{which} (default: all)",
     )
+    parser.add_argument(
+        "--max-images", metavar="N", type=positive, help="the first N images (default: all)"
+    )
+
+
+def chosen_images(dataset: Dataset, arguments: argparse.Namespace) -> Dataset:
+    """Take the images that the arguments of `add_images` say, two at least."""
+    from pflut.mapping.drive_images import choose_images
+
+    return choose_images(dataset, arguments.images or "all", max_images=arguments.max_images)
 
 
 def needs(module: str, *, extra: str, what: str) -> None:
@@ -58,15 +83,16 @@ def has_begun(folder: Path) -> bool:
     return folder.is_dir() and [path.name for path in folder.iterdir()] == ["work"]
 
 
-def open_links_folder(output: Path | None, name: str) -> Path:
-    """Create the folder that links go to, or open that of a run that was interrupted.
+def open_folder(arguments: argparse.Namespace, name: str, *, go_on: bool = False) -> Path:
+    """Create the folder of the results, as --output and --overwrite say.
 
     Parameters
     ----------
-    output : Path, optional
-        As of --output.
+    arguments : argparse.Namespace
     name : str
         What a new folder is named after.
+    go_on : bool
+        Whether it may be that of a run that was interrupted, whose links are gone on with.
 
     Returns
     -------
@@ -79,8 +105,29 @@ def open_links_folder(output: Path | None, name: str) -> Path:
     """
     from pflut.results import create_results_folder
 
-    begun = output is not None and has_begun(output)
-    return create_results_folder(output, name, overwrite=begun)
+    output: Path | None = arguments.output
+    if output is not None and arguments.overwrite:
+        _remove(output)
+    return create_results_folder(
+        output,
+        name,
+        overwrite=arguments.overwrite or (go_on and output is not None and has_begun(output)),
+        expected="a new folder or --overwrite",
+    )
+
+
+def _remove(folder: Path) -> None:
+    """Delete what a former run wrote, links that were only begun too."""
+    from pflut.results import remove_results
+
+    work = folder / "work"
+    begun = [folder / "settings.json", *work.glob("*.np[yz]")] if has_begun(folder) else []
+    # links without settings, as of another folder, would pass for those that are asked for
+    for path in [*begun, folder / "links.npz"]:
+        path.unlink(missing_ok=True)
+    if begun and work.is_dir() and not any(work.iterdir()):
+        work.rmdir()
+    remove_results(folder, _FILES)
 
 
 def write_run(

@@ -8,11 +8,22 @@ from typing import TYPE_CHECKING, Any
 
 from pflut.cli.arguments import (
     Subparsers,
+    add_output,
+    add_overwrite,
     add_verb,
     natural,
+    refuse_as_output,
     replay_options,
 )
-from pflut.cli.map_folder import FoundLinks, add_output, add_source, needs, write_run
+from pflut.cli.map_folder import (
+    FoundLinks,
+    add_images,
+    add_source,
+    chosen_images,
+    needs,
+    open_folder,
+    write_run,
+)
 from pflut.cli.map_links import add_link_options, linked, refuse_link_options, share
 
 if TYPE_CHECKING:
@@ -53,7 +64,9 @@ def add_parser(actions: Subparsers) -> None:
         examples=_EXAMPLES,
     )
     add_source(parser)
-    add_output(parser, "places")
+    add_output(parser, "<dataset>-places")
+    add_overwrite(parser)
+    add_images(parser)
     parser.add_argument(
         "--min-probability",
         metavar="P",
@@ -82,6 +95,7 @@ def add_parser(actions: Subparsers) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Make the map, write it and print its places."""
+    refuse_as_output(arguments, arguments.dataset)
     options = replay_options(arguments)
     needs("networkx", extra="mapping", what="pflut map places")
     # which draws large maps with it
@@ -120,12 +134,11 @@ Found = tuple["Links", tuple[str, ...], "Dataset | None", str, Path]
 def _of_folder(arguments: argparse.Namespace, found: FoundLinks) -> Found:
     """Take the links of a folder, and the dataset that they are of, if it is there still."""
     from pflut.cli.progress import Bars
-    from pflut.results import create_results_folder
 
     refuse_link_options(arguments)
     with Bars() as bars:
         dataset = found.dataset_if_there(bars)
-    folder = create_results_folder(arguments.output, f"{found.name} places")
+    folder = open_folder(arguments, f"{found.name} places")
     return found.links, found.images, dataset, found.name, folder
 
 
@@ -135,7 +148,7 @@ def _of_dataset(arguments: argparse.Namespace, options: ReplayOptions) -> Found:
     from pflut.cli.progress import Bars
 
     with Bars() as bars:
-        dataset = load(arguments.dataset, None, progress=bars)
+        dataset = chosen_images(load(arguments.dataset, None, progress=bars), arguments)
         links, folder = linked(arguments, dataset, options, f"{dataset.name} places", bars)
     return links, tuple(path.name for path in dataset.image_paths), dataset, dataset.name, folder
 
