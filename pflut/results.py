@@ -10,7 +10,7 @@ from __future__ import annotations
 import csv
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -112,7 +112,7 @@ def remove_results(folder: Path, files: Iterable[str] = REPLAY_FILES) -> None:
 
 
 class StepsWriter:
-    """Writes ``steps.csv`` while a replay runs: each row is on disk before the next image.
+    """Writes ``steps.csv`` while a run goes on: each row is on disk before the next image.
 
     Parameters
     ----------
@@ -136,16 +136,14 @@ class StepsWriter:
     ) -> None:
         self._file.close()
 
-    def add(self, number: int, step: ReplayStep) -> None:
+    def add(self, row: Mapping[str, float | int | str | None]) -> None:
         """Write a step.
 
         Parameters
         ----------
-        number : int
-            Of the step, from 0.
-        step : ReplayStep
+        row : mapping
+            By column, in the order of the first row; None leaves a cell empty.
         """
-        row = step_row(number, step)
         if not self._columns:
             self._columns = list(row)
             self._rows.writerow(self._columns)
@@ -229,8 +227,8 @@ def _write_known(path: Path, stamps: FloatArray, poses: FloatArray) -> None:
     write_tum(path, Trajectory(stamps[known], poses[known]))
 
 
-def _cell(value: float | int | None) -> str:
+def _cell(value: float | int | str | None) -> str:
     """Write a number so that it comes back to a tenth of a micrometre and a nanosecond."""
     if value is None:
         return ""
-    return str(value) if isinstance(value, int) else f"{value:.10g}"
+    return str(value) if isinstance(value, int | str) else f"{value:.10g}"

@@ -121,6 +121,14 @@ def natural(text: str) -> int:
     return value
 
 
+def above_zero(text: str) -> float:
+    """Parse a number above zero."""
+    value = float(text)
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"expected a number above 0, got {text}")
+    return value
+
+
 def start(text: str) -> str | tuple[float, float, float]:
     """Parse --start: lost, truth or X,Y,HEADING_DEG."""
     if text in ("lost", "truth"):

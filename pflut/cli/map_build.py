@@ -111,7 +111,7 @@ def run(arguments: argparse.Namespace) -> None:
     errors = _errors(drive, graph, found)
     _write(folder, drive, graph, found, errors, arguments)
     names = [path.name for path in drive.image_paths]
-    write_run(folder, arguments, drive.name, names, given)
+    write_run(folder, arguments, drive.name, names, None if given is None else given.of)
     if arguments.simulate_odometry:
         print("note: odometry is simulated from the ground truth")
     print(_report(drive, found, errors))
@@ -140,9 +140,9 @@ def _of_folder(
     import numpy as np
 
     refuse_link_options(arguments)
-    drive = _drive_of(given.dataset(bars), arguments)
+    drive = _drive_of(given.of.dataset(bars), arguments)
     number = {path.name: k for k, path in enumerate(drive.image_paths)}
-    renumbered = np.array([number.get(name, -1) for name in given.images])
+    renumbered = np.array([number.get(name, -1) for name in given.of.images])
     rows = np.flatnonzero((renumbered[given.links.indices] >= 0).all(axis=1))
     links = given.links[rows]
     links = replace(links, indices=renumbered[links.indices])

@@ -135,7 +135,7 @@ def write_run(
     arguments: argparse.Namespace,
     dataset: str,
     images: Sequence[str],
-    found: FoundLinks | None = None,
+    found: MapImages | None = None,
 ) -> None:
     """Write ``run.json``: the command, the images' names, and where they are.
 
@@ -146,20 +146,23 @@ def write_run(
     dataset : str
         Its name.
     images : sequence of str
-        Names of the images that are linked, in their order.
-    found : FoundLinks, optional
-        The links, where they were given instead of the dataset.
+        Names of the images that are linked, or localized, in their order.
+    found : MapImages, optional
+        Where they were given instead of the dataset, with their links or as nodes.
     """
     from pflut._files import write_json
     from pflut.results import run_record
 
-    source = Path(arguments.dataset)
-    # it is found from another working directory, too
-    where = str(source.resolve()) if source.is_dir() else arguments.dataset
+    if found is None:
+        folder_of = Path(arguments.dataset)
+        # it is found from another working directory, too
+        source = str(folder_of.resolve()) if folder_of.is_dir() else arguments.dataset
+    else:
+        source = found.source
     record = run_record(
         command_line(),
         dataset=dataset,
-        source=where if found is None else found.source,
+        source=source,
         images=list(images),
         arguments=as_json(arguments),
     )
@@ -167,12 +170,11 @@ def write_run(
 
 
 @dataclass(frozen=True, eq=False)
-class FoundLinks:
-    """Links of a folder.
+class MapImages:
+    """The images that the links or the nodes of a folder are of.
 
     Parameters
     ----------
-    links : Links
     name : str
         Of the dataset.
     images : tuple of str
@@ -181,59 +183,67 @@ class FoundLinks:
         The dataset, as `load` takes it, where it is known.
     """
 
-    links: Links
     name: str
     images: tuple[str, ...]
     source: str | None
 
     @classmethod
-    def read(cls, folder: Path) -> FoundLinks | None:
-        """Read the links of a folder.
+    def read(cls, folder: Path, least: int) -> MapImages:
+        """Read them from the folder's ``run.json``.
 
-        Without ``run.json``, as `pflut.all_pairs` leaves it, the images are named by their numbers.
+        Without it, as `pflut.all_pairs` leaves it, the images are named by their numbers.
 
         Parameters
         ----------
         folder : Path
+        least : int
+            How many there are at least.
 
         Returns
         -------
-        FoundLinks or None
-            None if the folder is none of links.
+        MapImages
 
         Raises
         ------
         ValueError
-            If the links are not finished or damaged, or ``run.json`` does not fit them.
+            If ``run.json`` names fewer.
         """
         from pflut._files import read_json
-        from pflut.mapping.links import Links
 
-        if not (folder / "links.npz").is_file():
-            if has_begun(folder):
-                raise ValueError(
-                    f"{folder}: the links are not finished, expected links.npz; the command that "
-                    "began them goes on"
-                )
-            return None
-        links = Links.load(folder / "links.npz")
-        least = int(links.indices.max(initial=0)) + 1
         about = folder / "run.json"
         if not about.is_file():
-            return cls(links, folder.resolve().name, tuple(map(str, range(least))), None)
+            return cls(folder.resolve().name, tuple(map(str, range(least))), None)
         record = read_json(about)
         images, source = record.get("images"), record.get("source")
         if not isinstance(images, list) or len(images) < max(2, least):
             raise ValueError(f"{about}: names no images, expected that of pflut map")
-        return cls(
-            links,
-            str(record.get("dataset")),
-            tuple(map(str, images)),
-            source if isinstance(source, str) else None,
-        )
+        known = source if isinstance(source, str) else None
+        return cls(str(record.get("dataset")), tuple(map(str, images)), known)
+
+    def whole_dataset(self, bars: Bars) -> Dataset:
+        """Load the dataset that they are of.
+
+        Parameters
+        ----------
+        bars : Bars
+
+        Returns
+        -------
+        Dataset
+
+        Raises
+        ------
+        OSError, ValueError
+            If it is not there.
+        """
+        from pflut.cli.loading import load
+
+        if self.source is None:
+            raise ValueError(f"{self.name}: nothing says of which dataset its images are")
+        return load(self.source, None, progress=bars)
 
     def dataset(self, bars: Bars) -> Dataset:
-        """Load the linked images.
+        """Load these images of it.
 
         Parameters
         ----------
@@ -250,18 +260,14 @@ class FoundLinks:
         """
         import numpy as np
 
-        from pflut.cli.loading import load
-
-        if self.source is None:
-            raise ValueError(f"{self.name}: nothing says of which dataset the links are")
-        dataset = load(self.source, None, progress=bars)
+        dataset = self.whole_dataset(bars)
         number = {path.name: k for k, path in enumerate(dataset.image_paths)}
         if len(number) < len(dataset) or not number.keys() >= set(self.images):
-            raise ValueError(f"{self.source}: holds other images than those that are linked")
+            raise ValueError(f"{self.source}: holds other images than those of the map")
         return dataset.select(np.array([number[name] for name in self.images]))
 
     def dataset_if_there(self, bars: Bars) -> Dataset | None:
-        """Load the linked images where they are there still; nothing is rendered for that.
+        """Load them where they are there still; nothing is rendered for that.
 
         Parameters
         ----------
@@ -280,3 +286,48 @@ class FoundLinks:
             return self.dataset(bars)
         except (OSError, ValueError):
             return None  # links of images that are elsewhere have places all the same
+
+
+@dataclass(frozen=True, eq=False)
+class FoundLinks:
+    """Links of a folder.
+
+    Parameters
+    ----------
+    links : Links
+    of : MapImages
+        What they link.
+    """
+
+    links: Links
+    of: MapImages
+
+    @classmethod
+    def read(cls, folder: Path) -> FoundLinks | None:
+        """Read the links of a folder.
+
+        Parameters
+        ----------
+        folder : Path
+
+        Returns
+        -------
+        FoundLinks or None
+            None if the folder is none of links.
+
+        Raises
+        ------
+        ValueError
+            If the links are not finished or damaged, or ``run.json`` does not fit them.
+        """
+        from pflut.mapping.links import Links
+
+        if not (folder / "links.npz").is_file():
+            if has_begun(folder):
+                raise ValueError(
+                    f"{folder}: the links are not finished, expected links.npz; the command that "
+                    "began them goes on"
+                )
+            return None
+        links = Links.load(folder / "links.npz")
+        return cls(links, MapImages.read(folder, int(links.indices.max(initial=0)) + 1))

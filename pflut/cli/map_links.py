@@ -28,6 +28,7 @@ from pflut.replay.options import ReplayOptions
 if TYPE_CHECKING:
     from pflut.cli.progress import Bars
     from pflut.datasets.base import Dataset
+    from pflut.likelihood.table import LikelihoodTable
     from pflut.mapping.link_model import LinkModel
     from pflut.mapping.links import Links
 
@@ -186,17 +187,11 @@ def linked(
         Saying how many pairs are kept.
     """
     from pflut.likelihood.sampling import available_cores
-    from pflut.likelihood.table import LikelihoodTable
     from pflut.mapping.all_pairs import all_pairs, dataset_features
     from pflut.mapping.pair_linker import LinkOptions
     from pflut.replay.pipeline import make_extractor
-    from pflut.replay.tables import choose_table
 
-    table = choose_table(
-        options.table, bins=options.bins, camera=dataset.camera, progress=bars.stage("table")
-    )
-    if not isinstance(table, LikelihoodTable):
-        raise ValueError(f"{options.table}: a dense table, expected a residual one")
+    table = residual_table(options, dataset, bars)
     model = _link_model(arguments.link_model, options.table, dataset)
     if arguments.scheduler is not None:
         needs("distributed", extra="cluster", what="--scheduler")
@@ -248,6 +243,19 @@ def linked(
             folder.rmdir()
         raise
     return links, folder
+
+
+def residual_table(options: ReplayOptions, dataset: Dataset, bars: Bars) -> LikelihoodTable:
+    """Load the table that was named, with the bins that suit the camera; a dense one is refused."""
+    from pflut.likelihood.table import LikelihoodTable
+    from pflut.replay.tables import choose_table
+
+    table = choose_table(
+        options.table, bins=options.bins, camera=dataset.camera, progress=bars.stage("table")
+    )
+    if not isinstance(table, LikelihoodTable):
+        raise ValueError(f"{options.table}: a dense table, expected a residual one")
+    return table
 
 
 def _link_model(chosen: str | None, table: str, dataset: Dataset) -> LinkModel:

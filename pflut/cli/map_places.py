@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pflut.cli.arguments import (
     Subparsers,
+    above_zero,
     add_output,
     add_overwrite,
     add_verb,
@@ -77,7 +78,7 @@ def add_parser(actions: Subparsers) -> None:
     parser.add_argument(
         "--resolution",
         metavar="X",
-        type=_above_zero,
+        type=above_zero,
         default=1.0,
         help="more makes more and smaller places (default: %(default)s)",
     )
@@ -122,7 +123,7 @@ def run(arguments: argparse.Namespace) -> None:
     write_json(folder / "places.json", _content(made, len(links)))
     if not arguments.no_figures:
         _draw(folder, made, positions, over, name, note)
-    write_run(folder, arguments, name, names, found)
+    write_run(folder, arguments, name, names, None if found is None else found.of)
     print(_report(name, made, len(links), note))
     print(f"results: {folder}")
 
@@ -137,9 +138,9 @@ def _of_folder(arguments: argparse.Namespace, found: FoundLinks) -> Found:
 
     refuse_link_options(arguments)
     with Bars() as bars:
-        dataset = found.dataset_if_there(bars)
-    folder = open_folder(arguments, f"{found.name} places")
-    return found.links, found.images, dataset, found.name, folder
+        dataset = found.of.dataset_if_there(bars)
+    folder = open_folder(arguments, f"{found.of.name} places")
+    return found.links, found.of.images, dataset, found.of.name, folder
 
 
 def _of_dataset(arguments: argparse.Namespace, options: ReplayOptions) -> Found:
@@ -235,11 +236,3 @@ def _report(name: str, made: TopologicalMap, pairs: int, note: str | None) -> st
     if made.num_places > SHOWN:
         lines.append(f"and {made.num_places - SHOWN} smaller ones, see places.json")
     return "\n".join(lines)
-
-
-def _above_zero(text: str) -> float:
-    """Parse a number above zero."""
-    value = float(text)
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"expected a number above 0, got {text}")
-    return value

@@ -98,6 +98,7 @@ def run(arguments: argparse.Namespace) -> None:
         create_results_folder,
         remove_results,
         run_record,
+        step_row,
         write_results,
         write_trajectories,
     )
@@ -139,7 +140,7 @@ def run(arguments: argparse.Namespace) -> None:
         with StepsWriter(folder / "steps.csv") as writer:
 
             def keep(number: int, step: ReplayStep) -> None:
-                writer.add(number, step)
+                writer.add(step_row(number, step))
                 done.append(step)
 
             try:
