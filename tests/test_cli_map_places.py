@@ -75,6 +75,9 @@ def test_of_a_dataset_without_true_poses(
         patch.chdir("elsewhere")
         again = run("map", "places", "../out", "--output", "again")
     assert again.code == 0 and "drawn where odometry says" in again.out
+    # which is not written into
+    outside = run("map", "places", "out", "--output", "plain", "--overwrite")
+    assert outside.code == 2 and "--output: expected another folder than" in outside.err
     Path("plain").rename("gone")
     again = run("map", "places", "out", "--output", "again")
     assert again.code == 0 and "note: the dataset was not found" in again.out

@@ -81,12 +81,15 @@ def add_overwrite(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def refuse_as_output(arguments: argparse.Namespace, source: str) -> None:
+def refuse_as_output(arguments: argparse.Namespace, *sources: str | None) -> None:
     """End as wrong usage where results would go among, and replace, the files that are read."""
     output: Path | None = arguments.output
-    if output is not None and output.is_dir() and Path(source).is_dir() and output.samefile(source):
-        parser: argparse.ArgumentParser = arguments.parser
-        parser.error(f"argument --output: expected another folder than {source}, which is read")
+    if output is None or not output.is_dir():
+        return
+    for source in sources:
+        if source is not None and Path(source).is_dir() and output.samefile(source):
+            parser: argparse.ArgumentParser = arguments.parser
+            parser.error(f"argument --output: expected another folder than {source}, which is read")
 
 
 def add_cache(parser: argparse.ArgumentParser) -> None:

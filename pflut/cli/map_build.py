@@ -140,6 +140,7 @@ def _of_folder(
     import numpy as np
 
     refuse_link_options(arguments)
+    refuse_as_output(arguments, given.of.source)
     drive = _drive_of(given.of.dataset(bars), arguments)
     number = {path.name: k for k, path in enumerate(drive.image_paths)}
     renumbered = np.array([number.get(name, -1) for name in given.of.images])

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from pflut.cli.progress import Bars
     from pflut.datasets.base import Dataset
     from pflut.geometry import FloatArray
+    from pflut.likelihood.table import LikelihoodTable
     from pflut.mapping.node_errors import NodeErrors
     from pflut.mapping.node_localizer import NodeEstimate, NodeLocalizer
     from pflut.mapping.topological_map import TopologicalMap
@@ -101,9 +102,7 @@ def add_parser(actions: Subparsers) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Localize the images, write the results and print how good they are."""
-    for source in (str(arguments.places), arguments.dataset):
-        if source is not None:
-            refuse_as_output(arguments, source)
+    refuse_as_output(arguments, str(arguments.places), arguments.dataset)
     options = replay_options(arguments)
     needs("networkx", extra="mapping", what="pflut map localize")
 
@@ -114,12 +113,13 @@ def run(arguments: argparse.Namespace) -> None:
     from pflut.mapping.node_errors import NodeErrors
 
     made, of = _map_of(arguments.places)
+    refuse_as_output(arguments, of.source)
     with Bars() as bars:
         nodes = of.dataset(bars)
         drive = _drive_of(arguments, of, nodes, bars)
-        names = [path.name for path in drive.image_paths]
-        robot = _localizer(arguments, options, made, nodes, bars)
+        table = residual_table(options, nodes, bars)
         folder = open_folder(arguments, f"{drive.name} nodes")
+        robot = _localizer(arguments, options, made, nodes, table, bars)
         poses = _truth(nodes)
         estimates, probabilities = _localize(arguments, options, robot, drive, poses, folder, bars)
     errors = NodeErrors.of(made, estimates, poses, _truth(drive))
@@ -127,6 +127,7 @@ def run(arguments: argparse.Namespace) -> None:
     write_json(folder / "metrics.json", metrics | errors.as_dict())
     if not arguments.no_figures:
         _draw(folder, made, probabilities, errors, drive.name)
+    names = [path.name for path in drive.image_paths]
     write_run(folder, arguments, drive.name, names, of if arguments.dataset is None else None)
     if arguments.dataset is not None and np.isfinite(errors.distance).any():
         print("note: the true poses of the map and of the dataset are taken to be of one frame")
@@ -174,6 +175,7 @@ def _localizer(
     options: ReplayOptions,
     made: TopologicalMap,
     nodes: Dataset,
+    table: LikelihoodTable,
     bars: Bars,
 ) -> NodeLocalizer:
     """Make the filter, with the features of the nodes."""
@@ -192,7 +194,7 @@ def _localizer(
     sensor = NodeModel(
         made,
         list(features),
-        residual_table(options, nodes, bars),
+        table,
         temperature=options.temperature,
         link_probability=options.link_probability,
         ratio=options.ratio,

@@ -137,6 +137,7 @@ def _of_folder(arguments: argparse.Namespace, found: FoundLinks) -> Found:
     from pflut.cli.progress import Bars
 
     refuse_link_options(arguments)
+    refuse_as_output(arguments, found.of.source)
     with Bars() as bars:
         dataset = found.of.dataset_if_there(bars)
     folder = open_folder(arguments, f"{found.of.name} places")
