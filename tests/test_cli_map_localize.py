@@ -140,7 +140,8 @@ def test_wrong_input(run: Run, places: TopologicalMap, monkeypatch: pytest.Monke
     refused(run("map", "localize", "nowhere"), "nowhere: no topological map, expected a folder of")
     refused(run(*command[:3], "nowhere", *OPTIONS), "nowhere")
     refused(run(*command, "--images", "references"), "expected images that are not in the map")
-    assert run(*command, "--hop-length", 0).code == 2
+    for option in ("--hop-length", "--temperature"):
+        assert run(*command, option, 0).code == 2
     outcome = run("map", "localize", "places", "--output", "places", "--overwrite")
     assert outcome.code == 2 and "expected another folder than places" in outcome.err
     with monkeypatch.context() as patch:

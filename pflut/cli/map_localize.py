@@ -38,7 +38,6 @@ NODE_OPTIONS = (
     "max_features",
     "ratio",
     "mutual",
-    "temperature",
     "link_probability",
     "table",
     "bins",
@@ -91,6 +90,14 @@ def add_parser(actions: Subparsers) -> None:
         help="that a robot goes from one node to another: about the distance of images that are "
         "next to each other (default: %(default)s)",
     )
+    parser.add_argument(
+        "--temperature",
+        metavar="X",
+        type=_temperature,
+        default=0.1,
+        help="factor on the evidence: the share of the matches that are independent "
+        "(default: %(default)s)",
+    )
     parser.add_argument("--no-figures", action="store_true", help="write no figures")
     add_cache(parser)
     add_replay_options(
@@ -133,6 +140,14 @@ def run(arguments: argparse.Namespace) -> None:
         print("note: the true poses of the map and of the dataset are taken to be of one frame")
     print(_report(made, drive, errors))
     print(f"results: {folder}")
+
+
+def _temperature(text: str) -> float:
+    """Parse a number in (0, 1]."""
+    value = float(text)
+    if not 0.0 < value <= 1.0:
+        raise argparse.ArgumentTypeError(f"expected a number in (0, 1], got {text}")
+    return value
 
 
 def _map_of(folder: Path) -> tuple[TopologicalMap, MapImages]:
@@ -195,7 +210,7 @@ def _localizer(
         made,
         list(features),
         table,
-        temperature=options.temperature,
+        temperature=arguments.temperature,
         link_probability=options.link_probability,
         ratio=options.ratio,
         mutual=options.mutual,

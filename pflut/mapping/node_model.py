@@ -64,7 +64,8 @@ class NodeModel:
     extractor : FeatureExtractor, optional
         Turns images into features. Without it only features are taken as observations.
     temperature : float
-        Factor on the evidence in (0, 1]: the share of the matches that are independent.
+        Factor on the evidence in (0, 1]: the share of the matches that are independent. Less than
+        for poses: what two rooms have in common, a robot sees in many images one after the other.
     link_probability : float
         In (0, 1): how probable it is beforehand that an image that was taken at a node is linked
         with it. The rest is a floor under the likelihood, so that a missing link, as in the dark,
@@ -91,7 +92,7 @@ class NodeModel:
         table: LikelihoodTable,
         *,
         extractor: FeatureExtractor | None = None,
-        temperature: float = 0.3,
+        temperature: float = 0.1,
         link_probability: float = 0.5,
         max_candidates: int = 15,
         max_neighbours: int = 15,
