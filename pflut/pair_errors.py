@@ -107,7 +107,7 @@ class PairErrors:
         return cls(heading_l, heading_r, rotation, seconds)
 
     @classmethod
-    def together(cls, parts: Sequence[PairErrors]) -> PairErrors:
+    def concatenate(cls, parts: Sequence[PairErrors]) -> PairErrors:
         """Put the pairs of several sets into one; the time is that of the mean pair."""
         return cls(
             np.concatenate([part.heading_l for part in parts]),

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from pflut._files import read_arrays, replacing
 from pflut.features import Features
 from pflut.geometry import FloatArray, as_poses
-from pflut.retrieval import Vocabulary
+from pflut.retrieval import Gallery
 
 if TYPE_CHECKING:
     from pflut.datasets.base import Dataset
@@ -212,7 +212,7 @@ class ReferenceMap:
             tuple(self.names[i] for i in chosen),
         )
         # the words of the whole map serve its parts: leave-one-out need not learn them each time
-        vars(some)["vocabulary"] = self.vocabulary
+        vars(some)["_gallery"] = self._gallery[chosen]
         return some
 
     def bounds(self, margin: float = 1.0) -> tuple[float, float, float, float]:
@@ -244,13 +244,9 @@ class ReferenceMap:
         return float(np.median(nearest))
 
     @cached_property
-    def vocabulary(self) -> Vocabulary:
-        """The visual words of this map, learned when first asked for."""
-        return Vocabulary.learn([f.descriptors for f in self.features])
-
-    @cached_property
-    def _signatures(self) -> NDArray[np.float32]:
-        return np.stack([self.vocabulary.signature(f.descriptors) for f in self.features])
+    def _gallery(self) -> Gallery:
+        """Made when first asked for."""
+        return Gallery.learn([f.descriptors for f in self.features])
 
     def similarity(self, features: Features) -> NDArray[np.float32]:
         """Compare an image with all references by their visual words, without matching.
@@ -264,10 +260,7 @@ class ReferenceMap:
         ndarray of shape (m,)
             Cosines in [-1, 1]; zero for an image without features.
         """
-        similar: NDArray[np.float32] = self._signatures @ self.vocabulary.signature(
-            features.descriptors
-        )
-        return similar
+        return self._gallery.similarity(features.descriptors)
 
     def candidates(
         self,

@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import os
 import re
+from collections.abc import Iterable, Mapping
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -24,7 +25,7 @@ from pflut.geometry import FloatArray
 from pflut.replay.result import ReplayResult, ReplayStep
 from pflut.trajectory import Trajectory, write_tum
 
-_FILES = (
+REPLAY_FILES = (
     "poses.tum",
     "groundtruth.tum",
     "odometry.tum",
@@ -36,7 +37,7 @@ _FILES = (
     "figures/confidence.png",
     "figures/posterior.png",
     "figures/particles.gif",
-    "run.json",  # the last: what removes them all knows a run's folder by it
+    "run.json",
 )
 
 
@@ -86,28 +87,32 @@ def create_results_folder(
     return folder
 
 
-def remove_results(folder: Path) -> None:
-    """Delete the files of a former replay from its folder, and nothing else.
+def remove_results(folder: Path, files: Iterable[str] = REPLAY_FILES) -> None:
+    """Delete the files of a former run from its folder, and nothing else.
 
     A new run that is interrupted would otherwise leave its poses beside the figures of another.
-    A folder without ``run.json`` is no former replay's: nothing is deleted.
+    A folder without ``run.json`` is no former run's: nothing is deleted.
 
     Parameters
     ----------
     folder : Path
         Need not hold any.
+    files : iterable of str
+        Their names, ``run.json`` last: what removes them all knows a run's folder by it. Folders
+        below that they leave empty are deleted, too.
     """
     if not (folder / "run.json").is_file():
         return
-    for name in _FILES:
-        (folder / name).unlink(missing_ok=True)
-    figures = folder / "figures"
-    if figures.is_dir() and not any(figures.iterdir()):
-        figures.rmdir()
+    paths = [folder / name for name in files]
+    for path in paths:
+        path.unlink(missing_ok=True)
+    for below in {path.parent for path in paths} - {folder}:
+        if below.is_dir() and not any(below.iterdir()):
+            below.rmdir()
 
 
 class StepsWriter:
-    """Writes ``steps.csv`` while a replay runs: each row is on disk before the next image.
+    """Writes ``steps.csv`` while a run goes on: each row is on disk before the next image.
 
     Parameters
     ----------
@@ -131,16 +136,14 @@ class StepsWriter:
     ) -> None:
         self._file.close()
 
-    def add(self, number: int, step: ReplayStep) -> None:
+    def add(self, row: Mapping[str, float | int | str | None]) -> None:
         """Write a step.
 
         Parameters
         ----------
-        number : int
-            Of the step, from 0.
-        step : ReplayStep
+        row : mapping
+            By column, in the order of the first row; None leaves a cell empty.
         """
-        row = step_row(number, step)
         if not self._columns:
             self._columns = list(row)
             self._rows.writerow(self._columns)
@@ -224,8 +227,8 @@ def _write_known(path: Path, stamps: FloatArray, poses: FloatArray) -> None:
     write_tum(path, Trajectory(stamps[known], poses[known]))
 
 
-def _cell(value: float | int | None) -> str:
+def _cell(value: float | int | str | None) -> str:
     """Write a number so that it comes back to a tenth of a micrometre and a nanosecond."""
     if value is None:
         return ""
-    return str(value) if isinstance(value, int) else f"{value:.10g}"
+    return str(value) if isinstance(value, int | str) else f"{value:.10g}"

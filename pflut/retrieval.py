@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -99,6 +99,70 @@ class Vocabulary:
         flat = sums.ravel()
         length = float(np.linalg.norm(flat))
         return flat / length if length > 0.0 else flat
+
+    def signatures(self, descriptors: Iterable[NDArray[np.generic]]) -> NDArray[np.float32]:
+        """Return the signatures of several images, at least one.
+
+        Parameters
+        ----------
+        descriptors : iterable of ndarray of shape (n, D)
+            An array an image.
+
+        Returns
+        -------
+        ndarray of shape (N, k * D), float32
+        """
+        return np.stack([self.signature(rows) for rows in descriptors])
+
+
+@dataclass(frozen=True, eq=False)
+class Gallery:
+    """Signatures of images, N of them, that others are compared with.
+
+    Parameters
+    ----------
+    vocabulary : Vocabulary
+    signatures : ndarray of shape (N, S), float32
+        Made with it.
+    """
+
+    vocabulary: Vocabulary
+    signatures: NDArray[np.float32]
+
+    @classmethod
+    def learn(cls, descriptors: Sequence[NDArray[np.generic]]) -> Gallery:
+        """Make visual words of some images, and signatures of the same images with them.
+
+        Parameters
+        ----------
+        descriptors : sequence of ndarray of shape (n, D)
+            As `Vocabulary.learn` takes them.
+
+        Returns
+        -------
+        Gallery
+        """
+        vocabulary = Vocabulary.learn(descriptors)
+        return cls(vocabulary, vocabulary.signatures(descriptors))
+
+    def __getitem__(self, indices: NDArray[np.intp]) -> Gallery:
+        """Select images; the visual words stay."""
+        return Gallery(self.vocabulary, self.signatures[indices])
+
+    def similarity(self, descriptors: NDArray[np.generic]) -> NDArray[np.float32]:
+        """Compare an image with all of them, without matching.
+
+        Parameters
+        ----------
+        descriptors : ndarray of shape (n, D)
+
+        Returns
+        -------
+        ndarray of shape (N,), float32
+            Cosines in [-1, 1]; zero for an image without descriptors.
+        """
+        similar: NDArray[np.float32] = self.signatures @ self.vocabulary.signature(descriptors)
+        return similar
 
 
 def _as_float(descriptors: NDArray[np.generic]) -> NDArray[np.float32]:

@@ -127,7 +127,7 @@ class Measured:
         for estimator in sets[0].errors:
             parts = [some.errors[estimator] for some in sets if estimator in some.errors]
             if len(parts) == len(sets):
-                errors[estimator] = PairErrors.together(parts)
+                errors[estimator] = PairErrors.concatenate(parts)
         return cls(
             name,
             errors,

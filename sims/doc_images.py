@@ -1,6 +1,6 @@
 """Make the pictures of the documentation, all from the project's own simulator.
 
-    python sims/doc_images.py [conventions|replay|home|relpose|maps|places ...]
+    python sims/doc_images.py [conventions|replay|home|relpose|maps|places|nodes ...]
 
 Without names all of them, in some minutes. They go to docs/images/.
 """
@@ -84,6 +84,15 @@ def places() -> None:
     with tempfile.TemporaryDirectory() as folder:
         run(["map", "places", "simulated-home", "--output", f"{folder}/places"])
         shrink(Path(folder) / "places" / "figures" / "places.png", IMAGES / "places.jpg")
+
+
+def nodes() -> None:
+    """Localize the simulated home's test drive in the topological map of its mapping drive."""
+    with tempfile.TemporaryDirectory() as folder:
+        drive = ["--images", "references", "--no-figures"]
+        run(["map", "places", "simulated-home", *drive, "--output", f"{folder}/places"])
+        run(["map", "localize", f"{folder}/places", "--output", f"{folder}/nodes"])
+        shrink(Path(folder) / "nodes" / "figures" / "nodes.png", IMAGES / "nodes.png")
 
 
 def conventions() -> None:
@@ -257,7 +266,7 @@ def shrink(source: Path, target: Path) -> None:
     picture.save(target, optimize=True, quality=88)
 
 
-PICTURES = {f.__name__: f for f in (conventions, replay, home, relpose, maps, places)}
+PICTURES = {f.__name__: f for f in (conventions, replay, home, relpose, maps, places, nodes)}
 
 
 def main() -> None:

@@ -130,7 +130,7 @@ class Measured:
             np.concatenate([part.ends + k for part, k in zip(parts, starts, strict=False)]),
             np.repeat(np.arange(len(parts)), [len(part.linked) for part in parts]),
             {
-                key: LinkEvidence.together([part.evidence[key] for part in parts])
+                key: LinkEvidence.concatenate([part.evidence[key] for part in parts])
                 for key in parts[0].evidence
             },
             {key: np.concatenate([part.scores[key] for part in parts]) for key in parts[0].scores},

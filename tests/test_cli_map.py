@@ -10,6 +10,7 @@ import pytest
 from command_line import Run, refused
 
 from pflut.cli.progress import Bars
+from pflut.datasets.simulated_home import load_simulated_home
 from pflut.likelihood.dense import DenseTable
 from pflut.mapping.constraint import KINDS
 from pflut.mapping.link_model import LinkModel
@@ -69,11 +70,54 @@ def test_interrupted_and_gone_on_with(
         "pflut: interrupted: no pair is kept in out; the same command with --output out goes on"
     )
     stopped = "pairs"
-    outcome = run(*command)
+    outcome = run(*command, "--overwrite")
     assert outcome.code == 130
-    assert "pflut: interrupted: 100 of 276 pairs" in outcome.err
+    assert outcome.err.strip() == (
+        "pflut: interrupted: 100 of 276 pairs are kept in out; the same command with --output out, "
+        "without --overwrite, goes on"
+    )
     stopped = ""
     assert run(*command).code == 0 and len(Links.load("out/links.npz")) == 276
+
+
+@pytest.mark.parametrize(("choice", "count"), [("references", 12), ("queries", 5)])
+def test_some_of_the_images(run: Run, choice: str, count: int) -> None:
+    images = ("--images", choice, "--max-images", count, "--max-candidates", 1)
+    outcome = run(*LINK, *images)
+    assert f": {count} images, {len(Links.load('out/links.npz'))} pairs" in outcome.out
+    names = json.loads(Path("out/run.json").read_text())["images"]
+    home = load_simulated_home()
+    indices = {"references": home.reference_indices, "queries": home.query_indices}[choice]
+    assert names == [home.image_paths[k].name for k in indices[:count]]
+    # the map is of the same images
+    assert run("map", "places", "out", "--output", "places", "--no-figures").code == 0
+    refused(run(*LINK[:-1], "again", "--max-images", 1), "expected 2 images, got 1")
+
+
+@pytest.mark.parametrize("action", ["links", "places", "build"])
+def test_overwriting_begins_anew(run: Run, action: str) -> None:
+    """It leaves what is not of a map, and nothing of the former run, finished or not."""
+    command = ("map", action, *LINK[2:], "--max-images", 4)
+    command += ("--no-figures",) * (action != "links")
+    Path("out").mkdir()
+    Path("out/precious").touch()
+    refused(run(*command), "out: holds something already, expected a new folder or --overwrite")
+    assert run(*command, "--overwrite").code == 0
+    links = Path("out/links.npz").read_bytes()
+    written = {path.name for path in Path("out").rglob("*")}
+    # of other options, and of another action: both are refused without it
+    refused(run(*command, "--prior", 0.01), "out: holds links with another prior")
+    for name in ("figures/map.png", "places.json", "work/batch_000000.npz", "work/mine.txt"):
+        Path("out", name).parent.mkdir(exist_ok=True)
+        Path("out", name).touch()
+    assert run(*command, "--overwrite", "--prior", 0.01).code == 0
+    assert Path("out/links.npz").read_bytes() != links
+    assert {path.name for path in Path("out").rglob("*")} - written <= {"work", "mine.txt"}
+    assert Path("out/places.json").exists() == (action == "places")
+    # links that nobody has the settings of are not taken for those that are asked for
+    Path("out/settings.json").unlink()
+    assert run(*command, "--overwrite").code == 0
+    assert Path("out/links.npz").read_bytes() == links and Path("out/precious").exists()
 
 
 def test_a_model_by_its_name_or_from_a_file(run: Run) -> None:

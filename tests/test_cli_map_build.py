@@ -127,9 +127,9 @@ def test_of_a_folder_of_links(run: Run) -> None:
     # that folder holds links, too
     assert run("map", "places", "again", "--output", "places", "--no-figures").code == 0
     outcome = run("map", "build", "links", "--jobs", 1, "--images", "all", "--max-images", 4)
-    assert outcome.code == 2 and "--jobs, --images, --max-images: without effect" in outcome.err
+    assert outcome.code == 2 and "--images, --max-images, --jobs: without effect" in outcome.err
     Path("links/run.json").unlink()
-    refused(run("map", "build", "links"), "links: nothing says of which dataset the links are")
+    refused(run("map", "build", "links"), "links: nothing says of which dataset its images are")
 
 
 def test_wrong_input(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

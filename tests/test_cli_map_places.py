@@ -75,6 +75,9 @@ def test_of_a_dataset_without_true_poses(
         patch.chdir("elsewhere")
         again = run("map", "places", "../out", "--output", "again")
     assert again.code == 0 and "drawn where odometry says" in again.out
+    # which is not written into
+    outside = run("map", "places", "out", "--output", "plain", "--overwrite")
+    assert outside.code == 2 and "--output: expected another folder than" in outside.err
     Path("plain").rename("gone")
     again = run("map", "places", "out", "--output", "again")
     assert again.code == 0 and "note: the dataset was not found" in again.out
@@ -92,9 +95,12 @@ def test_wrong_input(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
         Path("links/run.json").write_text(content)
         refused(run("map", "places", "links"), "run.json: names no images")
     Path("links/run.json").write_text('{"images": ["a", "b"], "arguments": 3, "source": 4}')
-    refused(run("map", "places", "links", "--output", "links"), "links: holds something already")
-    outcome = run("map", "places", "links", "--jobs", 1, "--bins", 32, "--no-mutual")
-    assert outcome.code == 2 and "--jobs, --mutual, --bins: without effect on" in outcome.err
+    outcome = run("map", "places", "links", "--output", "links", "--overwrite")
+    assert outcome.code == 2 and "--output: expected another folder than links" in outcome.err
+    wrong = ("--jobs", 1, "--bins", 32, "--no-mutual", "--images", "all", "--max-images", 2)
+    outcome = run("map", "places", "links", *wrong)
+    assert outcome.code == 2
+    assert "--images, --max-images, --jobs, --mutual, --bins: without effect on" in outcome.err
     Path("links/links.npz").rename("links/settings.json")
     refused(run("map", "places", "links"), "links: the links are not finished")
     monkeypatch.setitem(sys.modules, "networkx", None)

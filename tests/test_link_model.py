@@ -192,7 +192,7 @@ def landmark_pairs(home: int) -> tuple[list[Correspondences], np.ndarray]:
 def test_a_model_learned_in_some_homes_is_calibrated_in_another() -> None:
     table = LikelihoodTable.default()
     found = [(link_evidence(pairs, table), yes) for pairs, yes in map(landmark_pairs, (1, 2, 3))]
-    known = LinkEvidence.together([evidence for evidence, _ in found[:2]])
+    known = LinkEvidence.concatenate([evidence for evidence, _ in found[:2]])
     model = LinkModel.learn(known, np.concatenate([yes for _, yes in found[:2]]))
     evidence, linked = found[2]
     given = model.probability(evidence)

@@ -9,6 +9,7 @@ import pytest
 from pflut.correspondences import Correspondences
 from pflut.features import Features, match, match_indices, match_many
 from pflut.features.distinct import distinct, unique_at_seam
+from pflut.features.reference_matcher import ReferenceMatcher
 
 # uint64 products wrap in the bit count; NumPy says so where NUMBA_DISABLE_JIT is set
 pytestmark = pytest.mark.filterwarnings("ignore:overflow encountered:RuntimeWarning")
@@ -102,6 +103,29 @@ def test_many_references_are_each_one(binary: bool) -> None:
     assert [len(c) for c in match_many(references, empty)] == [0] * 5
     assert match_many([], query) == []
     assert isinstance(many[1], Correspondences)
+
+
+def test_an_image_is_matched_with_a_reference_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(3)
+    references = [features(rng, 30) for _ in range(4)]
+    images = [features(rng, 40, base=references[k]) for k in (1, 2)]
+    matcher = ReferenceMatcher(references, ratio=0.8, mutual=True)
+    counts = []
+
+    def counting(new: list[Features], query: Features, **options: object) -> list[Correspondences]:
+        counts.append(len(new))
+        return match_many(new, query, **options)
+
+    monkeypatch.setattr("pflut.features.reference_matcher.match_many", counting)
+    for image, indices in ((0, [2, 1]), (0, [1, 3, 2]), (1, [1]), (0, [1])):
+        pairs = matcher(images[image], indices)
+        expected = match_many([references[k] for k in indices], images[image], mutual=True)
+        assert [p.azimuth_l.tolist() for p in pairs] == [p.azimuth_l.tolist() for p in expected]
+        assert len(pairs[indices.index(1)]) > 5 or image == 1
+    # of the last image only
+    assert counts == [2, 1, 1, 1]
+    with pytest.raises(ValueError, match=r"ratio: expected in \(0, 1\], got 1.1"):
+        ReferenceMatcher(references, ratio=1.1, mutual=False)
 
 
 def test_twins_in_the_reference_match_nothing() -> None:

@@ -25,7 +25,7 @@ def test_errors_are_those_of_the_angles() -> None:
     some = errors[errors.found]
     assert (len(some), some.rotation.tolist()) == (1, errors.rotation[1:2].tolist())
     other = PairErrors.of([Headings(0.0, 0.0)], [[0.0, 0.3]], 0.9)
-    both = PairErrors.together([errors, other])
+    both = PairErrors.concatenate([errors, other])
     assert len(both) == 4
     assert both.heading_r.tolist() == [*errors.heading_r, *other.heading_r]
     assert both[:3].heading_l.tolist() == errors.heading_l.tolist()

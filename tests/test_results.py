@@ -21,6 +21,7 @@ from pflut.results import (
     create_results_folder,
     remove_results,
     run_record,
+    step_row,
     write_results,
 )
 from pflut.trajectory import read_tum
@@ -80,7 +81,7 @@ def test_steps_are_on_disk_before_the_next_image(result: ReplayResult, tmp_path:
     path = tmp_path / "steps.csv"
     with StepsWriter(path) as writer:
         for number, step in enumerate(result.steps):
-            writer.add(number, step)
+            writer.add(step_row(number, step))
             rows = list(csv.DictReader(path.read_text().splitlines()))
             assert len(rows) == number + 1
             row = {name: float(value) for name, value in rows[-1].items()}
@@ -96,8 +97,8 @@ def test_steps_are_on_disk_before_the_next_image(result: ReplayResult, tmp_path:
 def test_steps_without_truth_leave_their_errors_empty(result: ReplayResult, tmp_path: Path) -> None:
     unknown = dataclasses.replace(result.steps[0], ground_truth=None)
     with StepsWriter(tmp_path / "steps.csv") as writer:
-        writer.add(0, unknown)
-        writer.add(1, result.steps[1])
+        writer.add(step_row(0, unknown))
+        writer.add(step_row(1, result.steps[1]))
     first, second = csv.DictReader((tmp_path / "steps.csv").read_text().splitlines())
     assert first["error_m"] == first["along_track_m"] == "" and float(second["error_m"]) >= 0.0
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pflut.retrieval import MAX_TRAINING, WORDS, Vocabulary
+from pflut.retrieval import MAX_TRAINING, WORDS, Gallery, Vocabulary
 
 
 def images(n: int, seed: int, *, size: int = 40, binary: bool = False) -> list[np.ndarray]:
@@ -43,12 +43,15 @@ def test_signature_equals_its_naive_twin(binary: bool) -> None:
 @pytest.mark.parametrize("binary", [False, True])
 def test_the_most_similar_image_is_the_one_with_shared_features(binary: bool) -> None:
     some, noise = images(20, 1, binary=binary), images(20, 2, binary=binary)
-    vocabulary = Vocabulary.learn(some)
-    signatures = np.stack([vocabulary.signature(d) for d in some])
+    gallery = Gallery.learn(some)
+    odd = gallery[np.arange(1, 20, 2)]
     for i in range(20):
         # a third of what was seen before, and as much again that was not
         query = np.concatenate([some[i][:14], noise[i][:26]])
-        assert np.argmax(signatures @ vocabulary.signature(query)) == i
+        similar = gallery.similarity(query)
+        assert similar.shape == (20,) and np.argmax(similar) == i
+        assert odd.similarity(query) == pytest.approx(similar[1::2], abs=1e-6)
+    assert not gallery.similarity(some[0][:0]).any()
 
 
 def test_the_order_of_features_does_not_matter() -> None:

@@ -7,6 +7,7 @@ import math
 import sys
 from collections.abc import Collection
 from dataclasses import Field, fields
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pflut.replay.options import ReplayOptions
@@ -60,6 +61,37 @@ def add_references(parser: argparse.ArgumentParser | argparse._ArgumentGroup) ->
     )
 
 
+def add_output(parser: argparse.ArgumentParser, name: str) -> None:
+    """Add --output; ``name`` is how the folder ends that is made without it."""
+    parser.add_argument(
+        "--output",
+        metavar="DIR",
+        type=Path,
+        help=f"folder of the results (default: results/<date>_<time>_{name})",
+    )
+
+
+def add_overwrite(parser: argparse.ArgumentParser) -> None:
+    """Add --overwrite."""
+    parser.add_argument(
+        "--overwrite",
+        action="store_true",
+        help="let --output be a folder that holds files: the results of a former run are deleted, "
+        "other files stay",
+    )
+
+
+def refuse_as_output(arguments: argparse.Namespace, *sources: str | None) -> None:
+    """End as wrong usage where results would go among, and replace, the files that are read."""
+    output: Path | None = arguments.output
+    if output is None or not output.is_dir():
+        return
+    for source in sources:
+        if source is not None and Path(source).is_dir() and output.samefile(source):
+            parser: argparse.ArgumentParser = arguments.parser
+            parser.error(f"argument --output: expected another folder than {source}, which is read")
+
+
 def add_cache(parser: argparse.ArgumentParser) -> None:
     """Add --no-cache."""
     parser.add_argument(
@@ -89,6 +121,14 @@ def natural(text: str) -> int:
     value = int(text)
     if value < 0:
         raise argparse.ArgumentTypeError(f"expected at least 0, got {text}")
+    return value
+
+
+def above_zero(text: str) -> float:
+    """Parse a number above zero."""
+    value = float(text)
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"expected a number above 0, got {text}")
     return value
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pflut.cli import map_build, map_links, map_places
+from pflut.cli import map_build, map_links, map_localize, map_places
 from pflut.cli.arguments import Subparsers, add_verb
 
 
@@ -11,11 +11,12 @@ def add_parser(verbs: Subparsers) -> None:
     parser = add_verb(
         verbs,
         "map",
-        "link the images of a drive (links), make a map of it (build), or find its places (places)",
-        usage="{links,build,places} ...",
+        "link the images of a drive (links), make a map of it (build), find its places (places),\n"
+        "or a robot in these (localize)",
+        usage="{links,build,places,localize} ...",
     )
     actions = parser.add_subparsers(
         title="actions", metavar="ACTION", required=True, prog=parser.prog
     )
-    for action in (map_links, map_build, map_places):
+    for action in (map_links, map_build, map_places, map_localize):
         action.add_parser(actions)

@@ -8,12 +8,21 @@ from typing import TYPE_CHECKING, Any
 
 from pflut.cli.arguments import (
     Subparsers,
+    add_output,
+    add_overwrite,
     add_verb,
     natural,
-    positive,
+    refuse_as_output,
     replay_options,
 )
-from pflut.cli.map_folder import FoundLinks, add_output, add_source, needs, write_run
+from pflut.cli.map_folder import (
+    FoundLinks,
+    add_images,
+    add_source,
+    needs,
+    open_folder,
+    write_run,
+)
 from pflut.cli.map_links import add_link_options, linked, refuse_link_options
 
 if TYPE_CHECKING:
@@ -54,12 +63,9 @@ def add_parser(actions: Subparsers) -> None:
         examples=_EXAMPLES,
     )
     add_source(parser)
-    add_output(parser, "map")
-    parser.add_argument(
-        "--images",
-        choices=("all", "references", "queries"),
-        help="of the dataset, those with odometry (default: all)",
-    )
+    add_output(parser, "<dataset>-map")
+    add_overwrite(parser)
+    add_images(parser, ", those with odometry")
     parser.add_argument(
         "--simulate-odometry",
         action="store_true",
@@ -67,9 +73,6 @@ def add_parser(actions: Subparsers) -> None:
     )
     parser.add_argument(
         "--seed", metavar="N", type=natural, help="of --simulate-odometry (default: 0)"
-    )
-    parser.add_argument(
-        "--max-images", metavar="N", type=positive, help="the first N images (default: all)"
     )
     parser.add_argument(
         "--plain-links",
@@ -84,6 +87,7 @@ def add_parser(actions: Subparsers) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Build the map, write it and print how good it is."""
+    refuse_as_output(arguments, arguments.dataset)
     if arguments.seed is not None and not arguments.simulate_odometry:
         arguments.parser.error("argument --seed: only allowed with --simulate-odometry")
     arguments.seed = arguments.seed or 0
@@ -107,7 +111,7 @@ def run(arguments: argparse.Namespace) -> None:
     errors = _errors(drive, graph, found)
     _write(folder, drive, graph, found, errors, arguments)
     names = [path.name for path in drive.image_paths]
-    write_run(folder, arguments, drive.name, names, given)
+    write_run(folder, arguments, drive.name, names, None if given is None else given.of)
     if arguments.simulate_odometry:
         print("note: odometry is simulated from the ground truth")
     print(_report(drive, found, errors))
@@ -135,16 +139,15 @@ def _of_folder(
 
     import numpy as np
 
-    from pflut.results import create_results_folder
-
-    refuse_link_options(arguments, "images", "max_images")
-    drive = _drive_of(given.dataset(bars), arguments)
+    refuse_link_options(arguments)
+    refuse_as_output(arguments, given.of.source)
+    drive = _drive_of(given.of.dataset(bars), arguments)
     number = {path.name: k for k, path in enumerate(drive.image_paths)}
-    renumbered = np.array([number.get(name, -1) for name in given.images])
+    renumbered = np.array([number.get(name, -1) for name in given.of.images])
     rows = np.flatnonzero((renumbered[given.links.indices] >= 0).all(axis=1))
     links = given.links[rows]
     links = replace(links, indices=renumbered[links.indices])
-    folder = create_results_folder(arguments.output, f"{drive.name} map")
+    folder = open_folder(arguments, f"{drive.name} map")
     links.save(folder / "links.npz")
     return drive, links, folder
 

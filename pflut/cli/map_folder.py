@@ -8,12 +8,28 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pflut.cli.arguments import as_json, command_line
+from pflut.cli.arguments import as_json, command_line, positive
 
 if TYPE_CHECKING:
     from pflut.cli.progress import Bars
     from pflut.datasets.base import Dataset
     from pflut.mapping.links import Links
+
+_FILES = (
+    "map.g2o",
+    "poses.tum",
+    "odometry.tum",
+    "groundtruth.tum",
+    "metrics.json",
+    "topological_map.graphml",
+    "places.json",
+    "steps.csv",
+    "figures/map.png",
+    "figures/places.png",
+    "figures/nodes.png",
+    "run.json",
+)
+"""What the actions write but for the links."""
 
 
 def add_source(parser: argparse.ArgumentParser) -> None:
@@ -25,14 +41,23 @@ def add_source(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_output(parser: argparse.ArgumentParser, action: str) -> None:
-    """Add --output."""
+def add_images(parser: argparse.ArgumentParser, which: str = "") -> None:
+    """Add --images and --max-images; ``which`` says what else the images must have."""
     parser.add_argument(
-        "--output",
-        metavar="DIR",
-        type=Path,
-        help=f"folder of the results (default: results/<date>_<time>_<dataset>-{action})",
+        "--images",
+        choices=("all", "references", "queries"),
+        help=f"of the dataset{which} (default: all)",
     )
+    parser.add_argument(
+        "--max-images", metavar="N", type=positive, help="the first N images (default: all)"
+    )
+
+
+def chosen_images(dataset: Dataset, arguments: argparse.Namespace) -> Dataset:
+    """Take the images that the arguments of `add_images` say, two at least."""
+    from pflut.mapping.drive_images import choose_images
+
+    return choose_images(dataset, arguments.images or "all", max_images=arguments.max_images)
 
 
 def needs(module: str, *, extra: str, what: str) -> None:
@@ -58,15 +83,16 @@ def has_begun(folder: Path) -> bool:
     return folder.is_dir() and [path.name for path in folder.iterdir()] == ["work"]
 
 
-def open_links_folder(output: Path | None, name: str) -> Path:
-    """Create the folder that links go to, or open that of a run that was interrupted.
+def open_folder(arguments: argparse.Namespace, name: str, *, go_on: bool = False) -> Path:
+    """Create the folder of the results, as --output and --overwrite say.
 
     Parameters
     ----------
-    output : Path, optional
-        As of --output.
+    arguments : argparse.Namespace
     name : str
         What a new folder is named after.
+    go_on : bool
+        Whether it may be that of a run that was interrupted, whose links are gone on with.
 
     Returns
     -------
@@ -79,8 +105,29 @@ def open_links_folder(output: Path | None, name: str) -> Path:
     """
     from pflut.results import create_results_folder
 
-    begun = output is not None and has_begun(output)
-    return create_results_folder(output, name, overwrite=begun)
+    output: Path | None = arguments.output
+    if output is not None and arguments.overwrite:
+        _remove(output)
+    return create_results_folder(
+        output,
+        name,
+        overwrite=arguments.overwrite or (go_on and output is not None and has_begun(output)),
+        expected="a new folder or --overwrite",
+    )
+
+
+def _remove(folder: Path) -> None:
+    """Delete what a former run wrote, links that were only begun too."""
+    from pflut.results import remove_results
+
+    work = folder / "work"
+    begun = [folder / "settings.json", *work.glob("*.np[yz]")] if has_begun(folder) else []
+    # links without settings, as of another folder, would pass for those that are asked for
+    for path in [*begun, folder / "links.npz"]:
+        path.unlink(missing_ok=True)
+    if begun and work.is_dir() and not any(work.iterdir()):
+        work.rmdir()
+    remove_results(folder, _FILES)
 
 
 def write_run(
@@ -88,7 +135,7 @@ def write_run(
     arguments: argparse.Namespace,
     dataset: str,
     images: Sequence[str],
-    found: FoundLinks | None = None,
+    found: MapImages | None = None,
 ) -> None:
     """Write ``run.json``: the command, the images' names, and where they are.
 
@@ -99,20 +146,23 @@ def write_run(
     dataset : str
         Its name.
     images : sequence of str
-        Names of the images that are linked, in their order.
-    found : FoundLinks, optional
-        The links, where they were given instead of the dataset.
+        Names of the images that are linked, or localized, in their order.
+    found : MapImages, optional
+        Where they were given instead of the dataset, with their links or as nodes.
     """
     from pflut._files import write_json
     from pflut.results import run_record
 
-    source = Path(arguments.dataset)
-    # it is found from another working directory, too
-    where = str(source.resolve()) if source.is_dir() else arguments.dataset
+    if found is None:
+        folder_of = Path(arguments.dataset)
+        # it is found from another working directory, too
+        source = str(folder_of.resolve()) if folder_of.is_dir() else arguments.dataset
+    else:
+        source = found.source
     record = run_record(
         command_line(),
         dataset=dataset,
-        source=where if found is None else found.source,
+        source=source,
         images=list(images),
         arguments=as_json(arguments),
     )
@@ -120,12 +170,11 @@ def write_run(
 
 
 @dataclass(frozen=True, eq=False)
-class FoundLinks:
-    """Links of a folder.
+class MapImages:
+    """The images that the links or the nodes of a folder are of.
 
     Parameters
     ----------
-    links : Links
     name : str
         Of the dataset.
     images : tuple of str
@@ -134,59 +183,67 @@ class FoundLinks:
         The dataset, as `load` takes it, where it is known.
     """
 
-    links: Links
     name: str
     images: tuple[str, ...]
     source: str | None
 
     @classmethod
-    def read(cls, folder: Path) -> FoundLinks | None:
-        """Read the links of a folder.
+    def read(cls, folder: Path, least: int) -> MapImages:
+        """Read them from the folder's ``run.json``.
 
-        Without ``run.json``, as `pflut.all_pairs` leaves it, the images are named by their numbers.
+        Without it, as `pflut.all_pairs` leaves it, the images are named by their numbers.
 
         Parameters
         ----------
         folder : Path
+        least : int
+            How many there are at least.
 
         Returns
         -------
-        FoundLinks or None
-            None if the folder is none of links.
+        MapImages
 
         Raises
         ------
         ValueError
-            If the links are not finished or damaged, or ``run.json`` does not fit them.
+            If ``run.json`` names fewer.
         """
         from pflut._files import read_json
-        from pflut.mapping.links import Links
 
-        if not (folder / "links.npz").is_file():
-            if has_begun(folder):
-                raise ValueError(
-                    f"{folder}: the links are not finished, expected links.npz; the command that "
-                    "began them goes on"
-                )
-            return None
-        links = Links.load(folder / "links.npz")
-        least = int(links.indices.max(initial=0)) + 1
         about = folder / "run.json"
         if not about.is_file():
-            return cls(links, folder.resolve().name, tuple(map(str, range(least))), None)
+            return cls(folder.resolve().name, tuple(map(str, range(least))), None)
         record = read_json(about)
         images, source = record.get("images"), record.get("source")
         if not isinstance(images, list) or len(images) < max(2, least):
             raise ValueError(f"{about}: names no images, expected that of pflut map")
-        return cls(
-            links,
-            str(record.get("dataset")),
-            tuple(map(str, images)),
-            source if isinstance(source, str) else None,
-        )
+        known = source if isinstance(source, str) else None
+        return cls(str(record.get("dataset")), tuple(map(str, images)), known)
+
+    def whole_dataset(self, bars: Bars) -> Dataset:
+        """Load the dataset that they are of.
+
+        Parameters
+        ----------
+        bars : Bars
+
+        Returns
+        -------
+        Dataset
+
+        Raises
+        ------
+        OSError, ValueError
+            If it is not there.
+        """
+        from pflut.cli.loading import load
+
+        if self.source is None:
+            raise ValueError(f"{self.name}: nothing says of which dataset its images are")
+        return load(self.source, None, progress=bars)
 
     def dataset(self, bars: Bars) -> Dataset:
-        """Load the linked images.
+        """Load these images of it.
 
         Parameters
         ----------
@@ -203,18 +260,14 @@ class FoundLinks:
         """
         import numpy as np
 
-        from pflut.cli.loading import load
-
-        if self.source is None:
-            raise ValueError(f"{self.name}: nothing says of which dataset the links are")
-        dataset = load(self.source, None, progress=bars)
+        dataset = self.whole_dataset(bars)
         number = {path.name: k for k, path in enumerate(dataset.image_paths)}
         if len(number) < len(dataset) or not number.keys() >= set(self.images):
-            raise ValueError(f"{self.source}: holds other images than those that are linked")
+            raise ValueError(f"{self.source}: holds other images than those of the map")
         return dataset.select(np.array([number[name] for name in self.images]))
 
     def dataset_if_there(self, bars: Bars) -> Dataset | None:
-        """Load the linked images where they are there still; nothing is rendered for that.
+        """Load them where they are there still; nothing is rendered for that.
 
         Parameters
         ----------
@@ -233,3 +286,48 @@ class FoundLinks:
             return self.dataset(bars)
         except (OSError, ValueError):
             return None  # links of images that are elsewhere have places all the same
+
+
+@dataclass(frozen=True, eq=False)
+class FoundLinks:
+    """Links of a folder.
+
+    Parameters
+    ----------
+    links : Links
+    of : MapImages
+        What they link.
+    """
+
+    links: Links
+    of: MapImages
+
+    @classmethod
+    def read(cls, folder: Path) -> FoundLinks | None:
+        """Read the links of a folder.
+
+        Parameters
+        ----------
+        folder : Path
+
+        Returns
+        -------
+        FoundLinks or None
+            None if the folder is none of links.
+
+        Raises
+        ------
+        ValueError
+            If the links are not finished or damaged, or ``run.json`` does not fit them.
+        """
+        from pflut.mapping.links import Links
+
+        if not (folder / "links.npz").is_file():
+            if has_begun(folder):
+                raise ValueError(
+                    f"{folder}: the links are not finished, expected links.npz; the command that "
+                    "began them goes on"
+                )
+            return None
+        links = Links.load(folder / "links.npz")
+        return cls(links, MapImages.read(folder, int(links.indices.max(initial=0)) + 1))

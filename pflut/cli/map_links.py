@@ -12,19 +12,23 @@ from pflut.cli.arguments import (
     Subparsers,
     add_cache,
     add_dataset,
+    add_output,
+    add_overwrite,
     add_replay_options,
     add_verb,
     feature_cache,
     natural,
     positive,
+    refuse_as_output,
     replay_options,
 )
-from pflut.cli.map_folder import add_output, needs, open_links_folder, write_run
+from pflut.cli.map_folder import add_images, chosen_images, needs, open_folder, write_run
 from pflut.replay.options import ReplayOptions
 
 if TYPE_CHECKING:
     from pflut.cli.progress import Bars
     from pflut.datasets.base import Dataset
+    from pflut.likelihood.table import LikelihoodTable
     from pflut.mapping.link_model import LinkModel
     from pflut.mapping.links import Links
 
@@ -47,9 +51,10 @@ for each pair the probability that it is linked, that is, shows one place, and t
 its matches put on the relative pose, a mixture of von Mises distributions.
 
 Pairs are kept in the output folder in batches, as soon as they are done: the same command goes on
-where it was interrupted. Neither that, nor the number of processes, nor a cluster of workers with
-nannies that are there at the start changes a byte of links.npz; but where the kernels are not
-compiled yet, as after an installation, --jobs 1 may change last digits.
+where it was interrupted, and with --overwrite it begins anew. Neither an interruption, nor the
+number of processes, nor a cluster of workers with nannies that are there at the start changes a
+byte of links.npz; but where the kernels are not compiled yet, as after an installation, --jobs 1
+may change last digits.
 
 A cluster needs pip install "pflut[cluster]" here, and pflut on its workers:
 dask scheduler; dask worker ADDRESS; pflut map links DATASET --scheduler ADDRESS"""
@@ -72,7 +77,9 @@ def add_parser(actions: Subparsers) -> None:
         examples=_EXAMPLES,
     )
     add_dataset(parser)
-    add_output(parser, "links")
+    add_output(parser, "<dataset>-links")
+    add_overwrite(parser)
+    add_images(parser)
     add_link_options(parser)
     parser.set_defaults(run=run, parser=parser)
 
@@ -121,22 +128,24 @@ def add_link_options(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Link the pairs, and print what there is."""
+    refuse_as_output(arguments, arguments.dataset)
     options = replay_options(arguments)
 
     from pflut.cli.loading import load
     from pflut.cli.progress import Bars
 
     with Bars() as bars:
-        dataset = load(arguments.dataset, None, progress=bars)
+        dataset = chosen_images(load(arguments.dataset, None, progress=bars), arguments)
         links, folder = linked(arguments, dataset, options, f"{dataset.name} links", bars)
     write_run(folder, arguments, dataset.name, [path.name for path in dataset.image_paths])
     print(_report(dataset, links))
     print(f"results: {folder}")
 
 
-def refuse_link_options(arguments: argparse.Namespace, *more: str) -> None:
-    """End as wrong usage where arguments of `add_link_options`, or others, would not count."""
-    names = ("max_candidates", "neighbours", "link_model", "prior", "jobs", "scheduler", *more)
+def refuse_link_options(arguments: argparse.Namespace) -> None:
+    """End as wrong usage where arguments of `add_images` or `add_link_options` would not count."""
+    names = ["images", "max_images", "max_candidates", "neighbours", "link_model", "prior"]
+    names += ["jobs", "scheduler"]
     given = [name for name in names if getattr(arguments, name) is not None]
     given += [name for name in LINK_OPTIONS if hasattr(arguments, name)]
     given += ["no_cache"] * arguments.no_cache
@@ -178,17 +187,11 @@ def linked(
         Saying how many pairs are kept.
     """
     from pflut.likelihood.sampling import available_cores
-    from pflut.likelihood.table import LikelihoodTable
     from pflut.mapping.all_pairs import all_pairs, dataset_features
     from pflut.mapping.pair_linker import LinkOptions
     from pflut.replay.pipeline import make_extractor
-    from pflut.replay.tables import choose_table
 
-    table = choose_table(
-        options.table, bins=options.bins, camera=dataset.camera, progress=bars.stage("table")
-    )
-    if not isinstance(table, LikelihoodTable):
-        raise ValueError(f"{options.table}: a dense table, expected a residual one")
+    table = residual_table(options, dataset, bars)
     model = _link_model(arguments.link_model, options.table, dataset)
     if arguments.scheduler is not None:
         needs("distributed", extra="cluster", what="--scheduler")
@@ -196,7 +199,7 @@ def linked(
         # some of distributed's loggers are their own
         for logger in [name for name in logging.root.manager.loggerDict if "distributed" in name]:
             logging.getLogger(logger).setLevel(logging.CRITICAL + 1)
-    folder = open_links_folder(arguments.output, name)
+    folder = open_folder(arguments, name, go_on=True)
     counted = (0, 0)
 
     def progress(done: int, total: int) -> None:
@@ -230,8 +233,9 @@ def linked(
         )
     except KeyboardInterrupt:
         done = f"{counted[0]} of {counted[1]} pairs are" if counted[1] else "no pair is"
+        how = f"--output {folder}" + ", without --overwrite," * arguments.overwrite
         raise KeyboardInterrupt(
-            f"{done} kept in {folder}; the same command with --output {folder} goes on"
+            f"{done} kept in {folder}; the same command with {how} goes on"
         ) from None
     except (OSError, ValueError):
         # nothing has been kept: leave nothing
@@ -239,6 +243,19 @@ def linked(
             folder.rmdir()
         raise
     return links, folder
+
+
+def residual_table(options: ReplayOptions, dataset: Dataset, bars: Bars) -> LikelihoodTable:
+    """Load the table that was named, with the bins that suit the camera; a dense one is refused."""
+    from pflut.likelihood.table import LikelihoodTable
+    from pflut.replay.tables import choose_table
+
+    table = choose_table(
+        options.table, bins=options.bins, camera=dataset.camera, progress=bars.stage("table")
+    )
+    if not isinstance(table, LikelihoodTable):
+        raise ValueError(f"{options.table}: a dense table, expected a residual one")
+    return table
 
 
 def _link_model(chosen: str | None, table: str, dataset: Dataset) -> LinkModel:

@@ -8,11 +8,23 @@ from typing import TYPE_CHECKING, Any
 
 from pflut.cli.arguments import (
     Subparsers,
+    above_zero,
+    add_output,
+    add_overwrite,
     add_verb,
     natural,
+    refuse_as_output,
     replay_options,
 )
-from pflut.cli.map_folder import FoundLinks, add_output, add_source, needs, write_run
+from pflut.cli.map_folder import (
+    FoundLinks,
+    add_images,
+    add_source,
+    chosen_images,
+    needs,
+    open_folder,
+    write_run,
+)
 from pflut.cli.map_links import add_link_options, linked, refuse_link_options, share
 
 if TYPE_CHECKING:
@@ -53,7 +65,9 @@ def add_parser(actions: Subparsers) -> None:
         examples=_EXAMPLES,
     )
     add_source(parser)
-    add_output(parser, "places")
+    add_output(parser, "<dataset>-places")
+    add_overwrite(parser)
+    add_images(parser)
     parser.add_argument(
         "--min-probability",
         metavar="P",
@@ -64,7 +78,7 @@ def add_parser(actions: Subparsers) -> None:
     parser.add_argument(
         "--resolution",
         metavar="X",
-        type=_above_zero,
+        type=above_zero,
         default=1.0,
         help="more makes more and smaller places (default: %(default)s)",
     )
@@ -82,6 +96,7 @@ def add_parser(actions: Subparsers) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Make the map, write it and print its places."""
+    refuse_as_output(arguments, arguments.dataset)
     options = replay_options(arguments)
     needs("networkx", extra="mapping", what="pflut map places")
     # which draws large maps with it
@@ -108,7 +123,7 @@ def run(arguments: argparse.Namespace) -> None:
     write_json(folder / "places.json", _content(made, len(links)))
     if not arguments.no_figures:
         _draw(folder, made, positions, over, name, note)
-    write_run(folder, arguments, name, names, found)
+    write_run(folder, arguments, name, names, None if found is None else found.of)
     print(_report(name, made, len(links), note))
     print(f"results: {folder}")
 
@@ -120,13 +135,13 @@ Found = tuple["Links", tuple[str, ...], "Dataset | None", str, Path]
 def _of_folder(arguments: argparse.Namespace, found: FoundLinks) -> Found:
     """Take the links of a folder, and the dataset that they are of, if it is there still."""
     from pflut.cli.progress import Bars
-    from pflut.results import create_results_folder
 
     refuse_link_options(arguments)
+    refuse_as_output(arguments, found.of.source)
     with Bars() as bars:
-        dataset = found.dataset_if_there(bars)
-    folder = create_results_folder(arguments.output, f"{found.name} places")
-    return found.links, found.images, dataset, found.name, folder
+        dataset = found.of.dataset_if_there(bars)
+    folder = open_folder(arguments, f"{found.of.name} places")
+    return found.links, found.of.images, dataset, found.of.name, folder
 
 
 def _of_dataset(arguments: argparse.Namespace, options: ReplayOptions) -> Found:
@@ -135,7 +150,7 @@ def _of_dataset(arguments: argparse.Namespace, options: ReplayOptions) -> Found:
     from pflut.cli.progress import Bars
 
     with Bars() as bars:
-        dataset = load(arguments.dataset, None, progress=bars)
+        dataset = chosen_images(load(arguments.dataset, None, progress=bars), arguments)
         links, folder = linked(arguments, dataset, options, f"{dataset.name} places", bars)
     return links, tuple(path.name for path in dataset.image_paths), dataset, dataset.name, folder
 
@@ -222,11 +237,3 @@ def _report(name: str, made: TopologicalMap, pairs: int, note: str | None) -> st
     if made.num_places > SHOWN:
         lines.append(f"and {made.num_places - SHOWN} smaller ones, see places.json")
     return "\n".join(lines)
-
-
-def _above_zero(text: str) -> float:
-    """Parse a number above zero."""
-    value = float(text)
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"expected a number above 0, got {text}")
-    return value

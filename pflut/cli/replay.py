@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from pflut.cli.arguments import (
     Subparsers,
     add_cache,
     add_dataset,
+    add_output,
+    add_overwrite,
     add_references,
     add_replay_options,
     add_verb,
@@ -16,6 +17,7 @@ from pflut.cli.arguments import (
     command_line,
     feature_cache,
     positive,
+    refuse_as_output,
     replay_options,
 )
 
@@ -66,18 +68,8 @@ def add_parser(verbs: Subparsers) -> None:
     parser.add_argument(
         "--max-images", metavar="N", type=positive, help="stop after N images (default: all)"
     )
-    parser.add_argument(
-        "--output",
-        metavar="DIR",
-        type=Path,
-        help="folder of the results (default: results/<date>_<time>_<dataset>)",
-    )
-    parser.add_argument(
-        "--overwrite",
-        action="store_true",
-        help="let --output be a folder that holds files: the results of a former replay are "
-        "deleted, other files stay",
-    )
+    add_output(parser, "<dataset>")
+    add_overwrite(parser)
     parser.add_argument(
         "--animate", action="store_true", help="write figures/particles.gif as well"
     )
@@ -90,9 +82,7 @@ def add_parser(verbs: Subparsers) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Replay, write the results and print a table."""
     options = replay_options(arguments)
-    parser: argparse.ArgumentParser = arguments.parser
-    if arguments.output is not None and _same_folder(arguments.output, arguments.dataset):
-        parser.error("argument --output: expected another folder than the dataset's")
+    refuse_as_output(arguments, arguments.dataset)
 
     from pflut._files import write_json
     from pflut.cli.loading import load
@@ -108,6 +98,7 @@ def run(arguments: argparse.Namespace) -> None:
         create_results_folder,
         remove_results,
         run_record,
+        step_row,
         write_results,
         write_trajectories,
     )
@@ -149,7 +140,7 @@ def run(arguments: argparse.Namespace) -> None:
         with StepsWriter(folder / "steps.csv") as writer:
 
             def keep(number: int, step: ReplayStep) -> None:
-                writer.add(number, step)
+                writer.add(step_row(number, step))
                 done.append(step)
 
             try:
@@ -179,8 +170,3 @@ def run(arguments: argparse.Namespace) -> None:
         write_json(folder / "run.json", {**record, "finished": True})
     print(replay_report(result))
     print(f"results: {folder}")
-
-
-def _same_folder(output: Path, dataset: str) -> bool:
-    """Whether the results would go among, and replace, the files of the dataset."""
-    return output.is_dir() and Path(dataset).is_dir() and output.samefile(dataset)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 from contextlib import closing
-from pathlib import Path
 
 from pflut.cli.arguments import (
     Subparsers,
+    add_output,
     add_replay_options,
     add_verb,
     as_json,
@@ -108,12 +108,7 @@ def add_parser(verbs: Subparsers) -> None:
         help="and is found again within N images (default: %(default)s)",
     )
     parser.add_argument("--jobs", metavar="N", type=positive, help="processes (default: all cores)")
-    parser.add_argument(
-        "--output",
-        metavar="DIR",
-        type=Path,
-        help="folder of the results (default: results/<date>_<time>_simulate)",
-    )
+    add_output(parser, "simulate")
     parser.add_argument("--no-figures", action="store_true", help="write no figure")
     parser.add_argument(
         "--no-cache", action="store_true", help="keep no features (they take some 40 MB a home)"

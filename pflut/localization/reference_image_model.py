@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pflut.correspondences import Correspondences, ReferenceMatch
-from pflut.features import Features, match_many
+from pflut.correspondences import ReferenceMatch
+from pflut.features import Features
+from pflut.features.reference_matcher import ReferenceMatcher
 from pflut.geometry import FloatArray, as_poses
 from pflut.localization.pose_box import PoseBox
 from pflut.localization.sensor_kernels import CHUNK, add_reference, rotation_curve
 from pflut.posterior import Likelihood, check_temperature
-from pflut.reference_map import NO_FEATURES, ReferenceMap
+from pflut.reference_map import ReferenceMap
 
 if TYPE_CHECKING:
     from pflut.features import FeatureExtractor
@@ -109,8 +110,6 @@ class ReferenceImageModel:
             raise ValueError(
                 f"near_range: expected in [0, max_range), got {near_range} of {max_range}"
             )
-        if not 0.0 < ratio <= 1.0:
-            raise ValueError(f"ratio: expected in (0, 1], got {ratio}")
         self.reference_map = reference_map
         self.likelihood = likelihood
         self.extractor = extractor
@@ -121,9 +120,7 @@ class ReferenceImageModel:
         self.max_range = max_range
         self.near_range = near_range
         self.min_matches = min_matches
-        self.ratio = ratio
-        self.mutual = mutual
-        self._last: tuple[Features, dict[int, Correspondences]] = (NO_FEATURES, {})
+        self._matcher = ReferenceMatcher(reference_map.features, ratio=ratio, mutual=mutual)
 
     def observe(self, image: NDArray[np.uint8]) -> Features:
         """Turn an image into the features that `log_likelihood` takes.
@@ -287,25 +284,13 @@ class ReferenceImageModel:
     def _matched(
         self, poses: FloatArray | None, observation: Any, most: int
     ) -> list[ReferenceMatch]:
-        """Match an image with the candidates; of the last image what is known is remembered."""
-        if isinstance(observation, Features) and self._last[0] is observation:
-            features, matched = self._last
-        else:  # of an array nobody knows whether it still holds the image that it held
-            known = isinstance(observation, Features)
-            features, matched = observation if known else self.observe(observation), {}
-            self._last = features, matched
+        """Match an image with the candidates."""
+        features = observation if isinstance(observation, Features) else self.observe(observation)
         indices = self.reference_map.candidates(
             features, poses, max_range=self.max_range, max_candidates=most
-        )
-        new = [int(index) for index in indices if int(index) not in matched]
-        pairs = match_many(
-            [self.reference_map.features[i] for i in new],
-            features,
-            ratio=self.ratio,
-            mutual=self.mutual,
-        )
-        matched.update(zip(new, pairs, strict=True))
-        return [ReferenceMatch(int(index), matched[int(index)]) for index in indices]
+        ).tolist()
+        pairs = self._matcher(features, indices)
+        return [ReferenceMatch(index, pair) for index, pair in zip(indices, pairs, strict=True)]
 
     def _near(
         self, poses: FloatArray | None, matches: Sequence[ReferenceMatch]

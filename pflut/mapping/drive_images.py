@@ -13,6 +13,56 @@ from pflut.simulation.odometry import odometry_stream, simulate_odometry
 Choice = Literal["all", "references", "queries"]
 
 
+def image_indices(dataset: Dataset, choice: Choice = "all") -> NDArray[np.intp]:
+    """Give the indices of some images of a dataset.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    choice : {"all", "references", "queries"}
+        Of which images.
+
+    Returns
+    -------
+    ndarray of int
+        Ascending.
+    """
+    return {
+        "all": np.arange(len(dataset), dtype=np.intp),
+        "references": np.sort(dataset.reference_indices),
+        "queries": np.sort(dataset.query_indices),
+    }[choice]
+
+
+def choose_images(
+    dataset: Dataset, choice: Choice = "all", *, max_images: int | None = None
+) -> Dataset:
+    """Take the images to be linked out of a dataset.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    choice : {"all", "references", "queries"}
+        Of which images.
+    max_images : int, optional
+        The first ones.
+
+    Returns
+    -------
+    Dataset
+        No references.
+
+    Raises
+    ------
+    ValueError
+        If fewer than two images are left.
+    """
+    chosen = image_indices(dataset, choice)[:max_images]
+    if len(chosen) < 2:
+        raise ValueError(f"{dataset.name}: expected 2 images, got {len(chosen)}")
+    return dataset.select(chosen)
+
+
 def drive_images(
     dataset: Dataset,
     choice: Choice = "all",
@@ -46,11 +96,7 @@ def drive_images(
     ValueError
         If fewer than two images are left.
     """
-    chosen: NDArray[np.intp] = {
-        "all": np.arange(len(dataset), dtype=np.intp),
-        "references": np.sort(dataset.reference_indices),
-        "queries": np.sort(dataset.query_indices),
-    }[choice]
+    chosen = image_indices(dataset, choice)
     source = dataset.ground_truth if simulate else dataset.odometry
     what = "ground truth to simulate odometry from" if simulate else "odometry"
     if source is None:

@@ -90,7 +90,7 @@ class LinkEvidence:
         return cls(values, counts, counts, counts, values, values, values)
 
     @classmethod
-    def together(cls, parts: Sequence[LinkEvidence]) -> LinkEvidence:
+    def concatenate(cls, parts: Sequence[LinkEvidence]) -> LinkEvidence:
         """Join the evidence of several sets of pairs, at least one."""
         return cls(
             *(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(cls))

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pflut.features import Features, match_many
+from pflut.features import Features
+from pflut.features.reference_matcher import ReferenceMatcher
 from pflut.geometry import FloatArray
 from pflut.likelihood.table import LikelihoodTable
 from pflut.mapping.link_evidence import LinkEvidence, link_evidence
 from pflut.mapping.topological_map import TopologicalMap
-from pflut.reference_map import NO_FEATURES
-from pflut.retrieval import Vocabulary
+from pflut.posterior import check_temperature
+from pflut.retrieval import Gallery
 
 if TYPE_CHECKING:
     from pflut.features import FeatureExtractor
@@ -46,9 +47,6 @@ class NodeMatches:
             raise ValueError("nodes: expected each once")
 
 
-NO_NODES = NodeMatches(np.empty(0, np.int64), LinkEvidence.empty())
-
-
 class NodeModel:
     """Log-likelihood of an image at the nodes of a map.
 
@@ -66,7 +64,8 @@ class NodeModel:
     extractor : FeatureExtractor, optional
         Turns images into features. Without it only features are taken as observations.
     temperature : float
-        Factor on the evidence in (0, 1]: the share of the matches that are independent.
+        Factor on the evidence in (0, 1]: the share of the matches that are independent. Less than
+        for poses: what two rooms have in common, a robot sees in many images one after the other.
     link_probability : float
         In (0, 1): how probable it is beforehand that an image that was taken at a node is linked
         with it. The rest is a floor under the likelihood, so that a missing link, as in the dark,
@@ -93,7 +92,7 @@ class NodeModel:
         table: LikelihoodTable,
         *,
         extractor: FeatureExtractor | None = None,
-        temperature: float = 0.3,
+        temperature: float = 0.1,
         link_probability: float = 0.5,
         max_candidates: int = 15,
         max_neighbours: int = 15,
@@ -104,9 +103,7 @@ class NodeModel:
             raise ValueError(
                 f"features: expected {len(topological_map)}, one an image, got {len(features)}"
             )
-        for name, value in (("temperature", temperature), ("ratio", ratio)):
-            if not 0.0 < value <= 1.0:
-                raise ValueError(f"{name}: expected in (0, 1], got {value}")
+        check_temperature(temperature)
         if not 0.0 < link_probability < 1.0:
             raise ValueError(f"link_probability: expected in (0, 1), got {link_probability}")
         if max_candidates < 1 or max_neighbours < 0:
@@ -115,18 +112,14 @@ class NodeModel:
                 f"{max_candidates} and {max_neighbours}"
             )
         self.topological_map = topological_map
-        self.features = tuple(features)
         self.table = table
         self.extractor = extractor
         self.temperature = temperature
         self.link_probability = link_probability
         self.max_candidates = max_candidates
         self.max_neighbours = max_neighbours
-        self.ratio = ratio
-        self.mutual = mutual
-        self._vocabulary = Vocabulary.learn([f.descriptors for f in features])
-        self._last: tuple[Features, NodeMatches] = (NO_FEATURES, NO_NODES)
-        self._signatures = np.stack([self._vocabulary.signature(f.descriptors) for f in features])
+        self._matcher = ReferenceMatcher(features, ratio=ratio, mutual=mutual)
+        self._gallery = Gallery.learn([f.descriptors for f in features])
 
     def similarity(self, features: Features) -> NDArray[np.float32]:
         """Compare an image with all nodes by its visual words, without matching.
@@ -140,10 +133,7 @@ class NodeModel:
         ndarray of shape (N,)
             Cosines in [-1, 1].
         """
-        found: NDArray[np.float32] = self._signatures @ self._vocabulary.signature(
-            features.descriptors
-        )
-        return found
+        return self._gallery.similarity(features.descriptors)
 
     def candidates(self, probabilities: FloatArray | None, features: Features) -> NDArray[np.int64]:
         """Choose the nodes worth matching with an image.
@@ -194,9 +184,9 @@ class NodeModel:
             If a match is with no node of the map; or if there is an image, and no extractor.
         """
         if isinstance(observation, NodeMatches):
-            nodes = observation.nodes
-            if len(nodes) and not 0 <= nodes.min() <= nodes.max() < len(self.features):
-                raise ValueError(f"observation: expected nodes 0 to {len(self.features) - 1}")
+            nodes, last = observation.nodes, len(self.topological_map) - 1
+            if len(nodes) and not 0 <= nodes.min() <= nodes.max() <= last:
+                raise ValueError(f"observation: expected nodes 0 to {last}")
             return observation
         if not isinstance(observation, Features):
             if self.extractor is None:
@@ -204,21 +194,9 @@ class NodeModel:
                     "observation: an image, but the model was made without an extractor"
                 )
             observation = self.extractor(observation)
-        known = self._last[1] if self._last[0] is observation else NO_NODES
         nodes = self.candidates(probabilities, observation)
-        known = self._with(known, np.setdiff1d(nodes, known.nodes), observation)
-        self._last = observation, known
-        rows = np.searchsorted(known.nodes, nodes)
-        return NodeMatches(nodes, known.evidence[rows])
-
-    def _with(self, known: NodeMatches, new: NDArray[np.int64], features: Features) -> NodeMatches:
-        """Match an image with more nodes."""
-        references = [self.features[node] for node in new]
-        pairs = match_many(references, features, ratio=self.ratio, mutual=self.mutual)
-        evidence = LinkEvidence.together([known.evidence, link_evidence(pairs, self.table)])
-        nodes = np.concatenate([known.nodes, new])
-        order = np.argsort(nodes)
-        return NodeMatches(nodes[order], evidence[order])
+        pairs = self._matcher(observation, nodes.tolist())
+        return NodeMatches(nodes, link_evidence(pairs, self.table))
 
     def log_likelihood(self, probabilities: FloatArray | None, observation: Any) -> FloatArray:
         """Compute the log-likelihood of an observation at all nodes.
@@ -235,7 +213,7 @@ class NodeModel:
             Up to a constant: zero at a node that was not matched, or has no matches. Always finite.
         """
         matches = self.match(probabilities, observation)
-        evidence = np.zeros(len(self.features))
+        evidence = np.zeros(len(self.topological_map))
         evidence[matches.nodes] = self.temperature * matches.evidence.log_evidence
         linked = np.log(self.link_probability) + evidence
         return np.asarray(np.logaddexp(linked, np.log1p(-self.link_probability)))

@@ -94,4 +94,4 @@ def image_signatures(descriptors: Descriptors, num_images: int) -> NDArray[np.fl
     seen = [image for image in range(num_images) if len(descriptors(image))]
     learned = seen[:: max(1, -(-len(seen) // LEARNED_FROM))]
     vocabulary = Vocabulary.learn([descriptors(image) for image in learned])
-    return np.stack([vocabulary.signature(descriptors(image)) for image in range(num_images)])
+    return vocabulary.signatures(map(descriptors, range(num_images)))

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from pflut.plot.errors import plot_pair_errors as plot_pair_errors
     from pflut.plot.map import draw_map as draw_map
     from pflut.plot.map import plot_trajectory as plot_trajectory
+    from pflut.plot.nodes import plot_node_probabilities as plot_node_probabilities
     from pflut.plot.pair import plot_correspondences as plot_correspondences
     from pflut.plot.pair import plot_posterior as plot_posterior
     from pflut.plot.places import plot_places as plot_places
@@ -36,6 +37,7 @@ _NAMES = {
     "plot_correspondences": "pair",
     "plot_errors": "errors",
     "plot_medians": "errors",
+    "plot_node_probabilities": "nodes",
     "plot_pair_errors": "errors",
     "plot_pose_graph": "pose_graph",
     "plot_places": "places",

@@ -70,14 +70,14 @@ def plot_places(
         draw_map(axes, dataset, references=False)
     _draw_links(axes, points, np.asarray(edges), np.asarray(probability, dtype=np.float64))
     count = np.bincount(of)
-    colors = matplotlib.colormaps["tab10" if len(count) <= 10 else "tab20"]
+    colors = place_colors(len(count))
     named = np.flatnonzero(count > 1)[:NAMED]
     for place in named:
         axes.scatter(
             points[of == place, 0],
             points[of == place, 1],
             s=42,
-            color=colors(int(place)),
+            color=colors[place],
             edgecolors="white",
             zorder=4,
             label=f"place {place}: {count[place]} images",
@@ -91,6 +91,12 @@ def plot_places(
         axes.set_title("\n".join(text for text in (title, note) if text))
     legend_outside(figure)
     return figure
+
+
+def place_colors(count: int) -> list[tuple[float, float, float, float]]:
+    """Return the colours of the places that legends name, the same in every figure."""
+    colors = matplotlib.colormaps["tab10" if count <= 10 else "tab20"]
+    return [colors(place) for place in range(min(count, colors.N))]
 
 
 def _draw_links(
