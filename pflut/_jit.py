@@ -24,8 +24,8 @@ def jit(function: F, **more: Any) -> F:
     function : callable
         The kernel: arrays and scalars in, caller-allocated arrays out, no Python objects.
         It may call kernels of its own file, and those of `_trig`, `_lanes`, `_random`,
-        `_robust` and `_cells`, only: Numba's cache does not notice a change in a callee of another
-        file (numba#1833).
+        `_robust`, `_cells` and `von_mises._components`, only: Numba's cache does not notice a
+        change in a callee of another file (numba#1833).
     **more
         Further options of `numba.njit`.
 

@@ -41,7 +41,7 @@ ORDER = [
 RANK = {name: rank for rank, line in enumerate(ORDER) for name in line.split()}
 
 # What their editors delete Numba's cache for.
-SHARED_KERNELS = {"_trig", "_lanes", "_random", "_robust", "_cells"}
+SHARED_KERNELS = {"_trig", "_lanes", "_random", "_robust", "_cells", "von_mises._components"}
 
 MODULES = sorted(PACKAGE.rglob("*.py"))
 TREES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in MODULES}

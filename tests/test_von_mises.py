@@ -13,8 +13,8 @@ from pflut.geometry import TWO_PI, wrap_to_pi
 from pflut.likelihood.table import LikelihoodTable
 from pflut.posterior import GridPosterior, pose_posterior
 from pflut.simulation.correspondences import CorrespondenceSimulator
-from pflut.von_mises import fit_kernels as kernels
-from pflut.von_mises import point_kernels, sine
+from pflut.von_mises import _components as components
+from pflut.von_mises import expectation_kernels, maximization_kernels, point_kernels, sine
 from pflut.von_mises.bessel import bessel_ratio, log_i0
 from pflut.von_mises.distribution import VonMises, concentration_of_spread
 from pflut.von_mises.fit import _axes, fit_mixture
@@ -68,7 +68,7 @@ def test_concentration_has_the_mean_cosine(spread: float) -> None:
     k = concentration_of_spread(spread)
     assert 1.0 - i1e(k) / i0e(k) == pytest.approx(spread, rel=1e-6)
     # the kernels' is rough
-    assert kernels.concentration(spread) == pytest.approx(k, rel=0.05)
+    assert components.concentration(spread) == pytest.approx(k, rel=0.05)
 
 
 def test_von_mises_against_numerical_integrals() -> None:
@@ -117,7 +117,7 @@ def test_normalizer_is_the_series(k: tuple[float, float], correlation: float) ->
     coupling = correlation * np.sqrt(k[0] * k[1])
     expected = naive.sine_normalizer(*k, coupling, terms=2000 if correlation > 0.995 else 400)
     assert sine.log_normalizer(k, coupling) == pytest.approx(expected, abs=1e-9)
-    assert kernels.log_normalizer(*k, coupling) == pytest.approx(expected, abs=2e-3)
+    assert components.log_normalizer(*k, coupling) == pytest.approx(expected, abs=2e-3)
 
 
 @pytest.mark.parametrize(("k", "correlation"), MODES[:5])
@@ -139,7 +139,7 @@ def test_quadrature_of_a_mode(k: tuple[float, float], correlation: float) -> Non
 @pytest.mark.parametrize(("k", "correlation"), MODES)
 def test_a_mode_ends_where_it_is_said_to(k: tuple[float, float], correlation: float) -> None:
     coupling, nats = correlation * np.sqrt(k[0] * k[1]), 14.0
-    half = kernels.half_width(*k, coupling, nats)
+    half = components.half_width(*k, coupling, nats)
     d1 = np.linspace(half, np.pi, 50)[:, None]
     d2 = np.linspace(-np.pi, np.pi, 721)
     value = k[0] * (np.cos(d1) - 1) + k[1] * (np.cos(d2) - 1) + coupling * np.sin(d1) * np.sin(d2)
@@ -225,33 +225,100 @@ def test_mixture_refuses(changed: dict[str, object], message: str) -> None:
         replace(two_modes_and_a_band(), **changed)
 
 
-def test_points_are_even_blocks_and_other_cells() -> None:
-    posterior = posterior_of(two_modes_and_a_band().cell_probabilities(64))
-    bins = 64
-    points = np.empty((5, bins * bins), np.float32)
-    start = np.empty(point_kernels.LEVELS * point_kernels.TILES**2 + 1, np.int64)
+def points_of(posterior: GridPosterior) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """Give a posterior's points, where tiles start, the chunks, and how many are of blocks."""
+    bins = posterior.bins
+    size = bins * bins + point_kernels.LEVELS * point_kernels.CHUNK
+    points = np.empty((5, size), np.float32)
+    chunks = np.empty((6, size // point_kernels.CHUNK), np.float32)
+    start = np.empty((point_kernels.LEVELS, point_kernels.TILES**2 + 1), np.int64)
     kinds, diagonals = np.empty((bins, bins), np.int8), np.empty(bins)
-    information = point_kernels.make_points(
-        posterior.log_prob, posterior.prob, _axes(bins), kinds, diagonals, points, start
+    information, blocks, number = point_kernels.make_points(
+        posterior.log_prob, posterior.prob, _axes(bins), kinds, diagonals, points, start, chunks
     )
     assert information == pytest.approx(-posterior.entropy())
     # headings that are the same make a rotation of pi, the last one
     assert np.roll(diagonals, -1) == pytest.approx(posterior.rotation()[1])
+    return points[:, : number * point_kernels.CHUNK], start, chunks[:, :number], blocks
+
+
+def test_points_are_even_blocks_and_other_cells() -> None:
+    posterior = posterior_of(two_modes_and_a_band().cell_probabilities(64))
+    bins = 64
+    points, start, chunks, parted = points_of(posterior)
     blocks, cells = naive.grid_points(posterior.log_prob, point_kernels.EVEN, point_kernels.BLOCK)
-    parted = start[point_kernels.TILES**2]
-    assert (parted, start[-1] - parted) == (len(blocks), len(cells))
+    assert start[:, 0].tolist() == [0, parted * point_kernels.CHUNK]
+    assert (start[:, -1] - start[:, 0]).tolist() == [len(blocks), len(cells)]
     assert 0 < len(blocks) < bins * bins / 16
+    cell = TWO_PI / bins
     for level, expected, side in ((0, blocks, 4), (1, cells, 1)):
-        first, last = (0, parted) if level == 0 else (parted, start[-1])
+        first, last = start[level, 0], start[level, -1]
         sines = points[:, first:last].astype(float)
         x, y = (np.arctan2(sines[k], sines[k + 1]) % TWO_PI for k in (0, 2))
-        width = TWO_PI / bins
-        i, j = (np.rint(v / width - side / 2).astype(int) for v in (x, y))
+        i, j = (np.rint(v / cell - side / 2).astype(int) for v in (x, y))
         found = dict(zip(zip(i.tolist(), j.tolist(), strict=True), sines[4], strict=True))
         assert found.keys() == expected.keys()
         assert [found[key] for key in expected] == pytest.approx(
             [max(value, 1e-12) for value in expected.values()], rel=1e-5
         )
+        # each chunk's box holds its points and no more; what fills up the last weighs nothing
+        for begin in range(int(first), int(last), point_kernels.CHUNK):
+            box = chunks[:, begin // point_kernels.CHUNK]
+            inside = slice(begin - int(first), begin - int(first) + point_kernels.CHUNK)
+            for row, places in ((0, i[inside]), (2, j[inside])):
+                low, high = places.min() * cell, (places.max() + side) * cell
+                assert np.arctan2(box[row], box[row + 1]) % TWO_PI == pytest.approx(
+                    (low + high) / 2, abs=1e-5
+                )
+                assert box[4 + row // 2] == pytest.approx((high - low) ** 2 / 12, rel=1e-5)
+        end = -(-last // point_kernels.CHUNK) * point_kernels.CHUNK
+        assert (points[4, last:end] == 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("mean", "k"),
+    [
+        ((1.0, 2.0), (40.0, 60.0, 30.0)),
+        ((0.02, -0.03), (4000.0, 3900.0, -3850.0)),
+        ((3.1, 5.0), (3000.0, 2500.0, 0.0)),
+        ((1.0, 2.0), (0.5, 0.2, 0.1)),
+    ],
+)
+def test_density_of_a_mode_at_the_points(
+    default_table: LikelihoodTable, mean: tuple[float, float], k: tuple[float, float, float]
+) -> None:
+    # many crossing ridges: cells everywhere
+    pair = CorrespondenceSimulator(mismatch=0.9).pair(100, 1)[0]
+    posterior = pose_posterior(pair, default_table, temperature=0.3)
+    points, _, chunks, blocks = points_of(posterior)
+    cell, number = TWO_PI / posterior.bins, chunks.shape[1]
+    rows = np.array([[0.7, *mean, *k, components.MODE]])
+    runs = np.empty((1, number, 2), np.uint64)
+    num_runs, scratch = np.empty(1, np.int64), np.empty((1, points.shape[1]), np.float32)
+    total, reach = np.empty(points.shape[1], np.float32), np.empty(number, np.float32)
+    points, chunks = np.ascontiguousarray(points), np.ascontiguousarray(chunks)
+    expectation_kernels.expect(
+        points, chunks, blocks, cell, rows, 0, 0.3, reach, runs, num_runs, scratch, total
+    )
+    x, y = np.arctan2(points[0], points[1]), np.arctan2(points[2], points[3])
+    d1, d2 = x - mean[0], y - mean[1]
+    log = k[0] * (np.cos(d1) - 1) + k[1] * (np.cos(d2) - 1) + k[2] * np.sin(d1) * np.sin(d2)
+    mixture = VonMisesMixture([0.7], [mean], [k[:2]], [k[2]], uniform_weight=0.3)
+    expected = (mixture.cell_probabilities(posterior.bins) - 0.3 / posterior.bins**2) / cell**2
+    i, j = (np.floor((v % TWO_PI) / cell).astype(int) for v in (x, y))
+    own = total - 0.3 / TWO_PI**2
+    cells = np.arange(len(x)) >= blocks * point_kernels.CHUNK
+    near = cells & (log > -5.0)
+    assert near.sum() > 3
+    assert own[near] == pytest.approx(expected[i, j][near], rel=0.02)
+    # what is far was not evaluated
+    held = np.zeros(len(x), bool)
+    for first, last in runs[0, : num_runs[0]]:
+        held[int(first) : int(last)] = True
+    assert held[near].all()
+    assert own[~held] == pytest.approx(0.0, abs=1e-6)
+    if k[0] > 1.0:
+        assert held.mean() < 0.6
 
 
 def test_update_is_score_matching() -> None:
@@ -266,18 +333,28 @@ def test_update_is_score_matching() -> None:
     columns = [np.ones(500), s1, s2, 1 - c1, 1 - c2, s1 * s1, s2 * s2, s1 * s2]
     columns += [s1 * s2 * c1, s1 * s2 * c2, (s1 * s2) ** 2]
     moments = np.array([weights @ column for column in columns])
-    component = np.zeros(kernels.COLUMNS)
-    kernels.update_mode(moments, 0.0, 1e-6, component)
+    component = np.zeros(components.COLUMNS)
+    maximization_kernels.update_mode(moments, 0.0, 1e-6, component)
     k1, k2, coupling = naive.score_matching(d, weights, (0.0, 0.0))
-    found = component[[kernels.K_1, kernels.K_2, kernels.COUPLING]]
+    found = component[[components.K_1, components.K_2, components.COUPLING]]
     assert found == pytest.approx([k1, k2, coupling], rel=1e-6)
+
+
+def test_steps_go_on_by_half() -> None:
+    before = np.array([0.2, 1.0, 2.0, 100.0, 50.0, 0.1 * np.sqrt(5000.0), components.MODE])
+    after = np.array([0.4, 1.2, 1.9, 400.0, 50.0, 0.3 * np.sqrt(20000.0), components.MODE])
+    maximization_kernels._go_on(before, after)
+    k1, k2 = after[components.K_1], after[components.K_2]
+    assert after[: components.K_1] == pytest.approx([0.4 * np.sqrt(2.0), 1.3, 1.85])
+    assert (k1, k2) == pytest.approx((800.0, 50.0))
+    assert after[components.COUPLING] == pytest.approx(0.4 * np.sqrt(k1 * k2))
 
 
 def test_covariances_are_sharpened() -> None:
     covariance = np.array([[0.5, 0.3], [0.3, 0.25]])
     out = np.empty(3)
     for blur, least in ((0.0, 0.01), (0.03, 0.01), (0.1, 0.02)):
-        kernels.sharpen(0.5, 0.25, 0.3, blur, least, out)
+        components.sharpen(0.5, 0.25, 0.3, blur, least, out)
         expected = naive.sharpened(covariance, blur, least)
         assert out == pytest.approx([expected[0, 0], expected[1, 1], expected[0, 1]])
 
@@ -285,10 +362,10 @@ def test_covariances_are_sharpened() -> None:
 @pytest.mark.parametrize("k", [(4000.0, 2500.0, 900.0), (3000.0, 9000.0, -4000.0)])
 def test_sums_over_cells(k: tuple[float, float, float]) -> None:
     bins, mean = 64, np.array([1.03, 2.01])
-    component = np.array([1.0, *mean, *k, kernels.MODE])
-    assert kernels.is_sharp(component, TWO_PI / bins)
+    component = np.array([1.0, *mean, *k, components.MODE])
+    assert components.is_sharp(component, TWO_PI / bins)
     sums = np.empty(6)
-    kernels.sum_over_cells(component, TWO_PI / bins, sums)
+    components.sum_over_cells(component, TWO_PI / bins, sums)
     total, first, second = naive.cell_sums(mean, np.array(k[:2]), k[2], bins)
     assert sums[0] == pytest.approx(np.log(total), abs=1e-3)
     assert sums[1:3] == pytest.approx(first, abs=1e-5)
@@ -352,6 +429,15 @@ def test_fit_never_gets_sharper_than_the_grid() -> None:
     cell = TWO_PI / 128
     assert 0.2 * cell < np.sqrt(mixture.covariances()[0, 0, 0]) < 0.3 * cell
     assert mixture.means[0] == pytest.approx(wrap_to_pi([17.5 * cell, 90.5 * cell]), abs=0.1 * cell)
+
+
+def test_fit_tells_two_narrow_modes_in_one_place() -> None:
+    # as a posterior of sure matches had them
+    prob = np.zeros((128, 128))
+    prob[38:42, 15] = 0.42, 0.19, 0.0, 0.36
+    prob[38, 14] = 0.03
+    _, divergence = fit_mixture(np.log(np.maximum(prob, 1e-30)), prob)
+    assert divergence < 0.05
 
 
 def test_fit_of_nothing_known() -> None:

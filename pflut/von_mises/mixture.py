@@ -11,7 +11,7 @@ from pflut.geometry import TWO_PI, FloatArray, wrap_to_pi
 from pflut.von_mises.bessel import log_i0
 from pflut.von_mises.sine import log_density, quadrature
 
-MAX_COMPONENTS = 64
+MAX_COMPONENTS = 160
 """Of a fit, by default; most have one or two."""
 MODE_SEPARATION = float(np.radians(15.0))
 """Radians within which components are one mode, by default."""
