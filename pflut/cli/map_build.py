@@ -182,8 +182,8 @@ def _write(
     from pflut.mapping.links import LINKED
     from pflut.trajectory import Trajectory, write_tum
 
-    believed = np.flatnonzero(found.link_probability >= LINKED)
-    write_g2o(folder / "map.g2o", found.graph, edges=believed if arguments.plain_links else None)
+    edges = found.believed if arguments.plain_links else None
+    write_g2o(folder / "map.g2o", found.graph, edges=edges)
     truth = drive.ground_truth
     trajectories = {"poses": found.poses, "odometry": graph.poses, "groundtruth": truth}
     for name, poses in trajectories.items():
@@ -194,14 +194,14 @@ def _write(
         "images": len(drive),
         "pairs": len(graph.links),
         "linked": int((graph.links.probability >= LINKED).sum()),
-        "believed": len(believed),
+        "believed": len(found.believed),
         "converged": found.converged,
         **{name: those.as_dict() for name, those in errors.items()},
     }
     write_json(folder / "metrics.json", metrics)
     if arguments.no_figures:
         return
-    title = f"{drive.name}: {len(drive)} images, {len(believed)} links"
+    title = f"{drive.name}: {len(drive)} images, {len(found.believed)} links"
     _draw(folder, drive, graph, found, title)
 
 
@@ -209,6 +209,8 @@ def _draw(
     folder: Path, drive: Dataset, graph: PoseGraph, found: OptimizedGraph, title: str
 ) -> None:
     """Write the figure: over the floor plan only where the truth says how the map lies in it."""
+    import numpy as np
+
     from pflut.alignment import align_poses
     from pflut.cli.map_frame import WITHOUT_TRUTH, truth_known, without_plan
     from pflut.plot import save_figure
@@ -225,7 +227,7 @@ def _draw(
             drive,
             shown[0],
             graph.link_nodes,
-            found.link_probability,
+            np.where(graph.links.says_something, found.link_probability, 0.0),
             odometry=shown[1],
             ground_truth=truth,
             note=note,
@@ -241,11 +243,10 @@ def _report(drive: Dataset, found: OptimizedGraph, errors: dict[str, MapErrors])
     from pflut.mapping.links import LINKED
 
     links = found.graph.links
-    counts = (p >= LINKED for p in (links.probability, found.link_probability))
-    linked_pairs, believed = (int(those.sum()) for those in counts)
+    linked_pairs = int((links.probability >= LINKED).sum())
     lines = [
         f"{drive.name}: {len(drive)} images, {len(links)} pairs, {linked_pairs} linked, "
-        f"{believed} believed"
+        f"{len(found.believed)} believed"
     ]
     if not found.converged:
         lines.append("note: the poses still moved by more than a millimetre when the search ended")

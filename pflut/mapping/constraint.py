@@ -93,7 +93,7 @@ def extract_constraint(
     ----------
     posterior : GridPosterior
     max_components : int
-        Of the mixture; of a posterior of the kind "none", which a map does not use, at most 8.
+        Of the mixture; of a posterior of the kind "none", of which a map learns little, at most 8.
 
     Returns
     -------

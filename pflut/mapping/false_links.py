@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pflut.geometry import FloatArray, as_poses
-from pflut.mapping.constraint import KINDS, PoseConstraint
+from pflut.mapping.constraint import PoseConstraint
 from pflut.mapping.links import LINKED, Links
 from pflut.von_mises.mixture import VonMisesMixture
 
@@ -61,7 +61,7 @@ def with_false_links(
     if kind not in ("random", "pair", "place"):
         raise ValueError(f"kind: expected random, pair or place, got {kind!r}")
     generator = np.random.default_rng(rng)
-    probable = np.flatnonzero((links.probability >= LINKED) & (links.kind != KINDS.index("none")))
+    probable = np.flatnonzero((links.probability >= LINKED) & links.says_something)
     wanted = round(len(probable) * share / (1.0 - share))
     if not wanted:
         return links

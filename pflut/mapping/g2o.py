@@ -115,7 +115,7 @@ def as_pose_edge(graph: PoseGraph, link: int) -> tuple[FloatArray, FloatArray] |
     information : ndarray of shape (3, 3)
         In the frame after the motion. A distance has a standard deviation as large as itself.
     """
-    if KINDS[graph.links.kind[link]] == "none":
+    if not graph.links.says_something[link]:
         return None
     mixture = graph.links.mixture(link)
     left, right = graph.poses[graph.link_nodes[link]]

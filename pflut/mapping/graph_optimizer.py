@@ -22,9 +22,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pflut.geometry import FloatArray, wrap_to_pi
 from pflut.mapping.graph_system import GraphSystem, Loss
+from pflut.mapping.links import LINKED
 from pflut.mapping.pose_graph import PoseGraph
 
 GROWTH_ROUNDS = 12
@@ -47,8 +49,7 @@ class OptimizedGraph:
     graph : PoseGraph
         With its nodes at the optimum.
     link_probability : ndarray of shape (m,)
-        That each link is right, after seeing all others; zero of those of the kind "none", which
-        hold nothing.
+        That each link is right, after seeing all others.
     shares : ndarray of shape (c,)
         Of that, the part of each component: first the modes of all links, then their bands.
     cost : float
@@ -71,6 +72,12 @@ class OptimizedGraph:
     def poses(self) -> FloatArray:
         """The nodes, of shape (n, 3)."""
         return self.graph.poses
+
+    @property
+    def believed(self) -> NDArray[np.intp]:
+        """Which links are more probable than not, and say something by themselves."""
+        probable = self.link_probability >= LINKED
+        return np.flatnonzero(probable & self.graph.links.says_something)
 
     def covariances(self) -> FloatArray:
         """Give the nodes' covariances relative to the fixed node, of shape (n, 3, 3).

@@ -231,12 +231,12 @@ class GraphSystem:
         return shares, 0.5 * float(residuals @ residuals)
 
     def _heaviest(self) -> FloatArray:
-        """Say which component of each link that is more probable than not is the heaviest."""
-        terms = self.terms
+        """Say which component is the heaviest of each link that tells one, and is probable."""
+        terms, links = self.terms, self.graph.links
         best = np.full(len(terms.null), -np.inf)
         np.maximum.at(best, terms.link, terms.log_weight)
-        probable = self.graph.links.probability[terms.link] >= LINKED
-        heaviest = (terms.log_weight >= best[terms.link]) & probable
+        probable = (links.probability >= LINKED) & links.says_something
+        heaviest = (terms.log_weight >= best[terms.link]) & probable[terms.link]
         return heaviest.astype(np.float64)
 
     def _kernel(self, halves: FloatArray) -> tuple[FloatArray, FloatArray]:

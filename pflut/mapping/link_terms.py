@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pflut.geometry import FloatArray
-from pflut.mapping.constraint import KINDS
 from pflut.mapping.graph_residuals import chords
 from pflut.mapping.links import Links
 from pflut.mapping.pose_graph import IndexArray
@@ -64,16 +63,12 @@ class LinkTerms:
 
     @classmethod
     def of(cls, links: Links) -> LinkTerms:
-        """Take the mixtures of links apart.
-
-        Links of the kind "none" have no terms: their many broad components say next to nothing.
-        """
+        """Take the mixtures of links apart."""
         modes, bands = len(links.weights), len(links.rotation_weights)
         of_mode = np.repeat(np.arange(len(links)), np.diff(links.component_offsets))
         of_band = np.repeat(np.arange(len(links)), np.diff(links.band_offsets))
         link = np.concatenate([of_mode, of_band])
-        says = links.kind != KINDS.index("none")
-        probability = np.where(says, np.minimum(links.probability, MAX_PROBABILITY), 0.0)
+        probability = np.minimum(links.probability, MAX_PROBABILITY)
         covariance = np.zeros((modes + bands, 2, 2))
         covariance[:modes] = mode_covariances(links.concentrations, links.couplings)
         with np.errstate(divide="ignore"):

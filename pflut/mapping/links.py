@@ -136,6 +136,11 @@ class Links:
         """Return the number of pairs."""
         return len(self.indices)
 
+    @property
+    def says_something(self) -> NDArray[np.bool_]:
+        """Which constraints say something by themselves, of shape (n,): all but the kind "none"."""
+        return np.asarray(self.kind != KINDS.index("none"))
+
     def __getitem__(self, index: slice | NDArray[Any]) -> Links:
         """Select pairs by a slice, an index array or a mask."""
         chosen = np.arange(len(self))[index]
