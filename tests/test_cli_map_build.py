@@ -111,6 +111,22 @@ def test_a_drive_without_truth_is_drawn_without_a_plan(
     assert Path("out/groundtruth.tum").exists() == bool(known)
 
 
+def test_a_drive_without_odometry_is_refused_with_what_may_help(
+    run: Run, room_folder: Path
+) -> None:
+    room = load_folder(room_folder)
+    write_folder(
+        Path("still"),
+        camera=room.camera,
+        stamps=room.stamps[:3],
+        images=(room.image(k) for k in range(3)),
+        ground_truth=room.ground_truth[:3],
+        name="Still",
+    )
+    message = "Still: expected odometry, or --simulate-odometry, the dataset has none"
+    refused(run("map", "build", "still"), message)
+
+
 def test_of_a_folder_of_links(run: Run) -> None:
     """All images are linked, and those with odometry are in the map: the same as theirs alone."""
     assert run("map", "links", "simulated-home", *BUILD[3:-1], "links").code == 0

@@ -122,6 +122,9 @@ def _drive_of(dataset: Dataset, arguments: argparse.Namespace) -> Dataset:
     """Take the images that become nodes."""
     from pflut.mapping.drive_images import drive_images
 
+    if dataset.odometry is None and not arguments.simulate_odometry:
+        hint = "" if dataset.ground_truth is None else ", or --simulate-odometry"
+        raise ValueError(f"{dataset.name}: expected odometry{hint}, the dataset has none")
     return drive_images(
         dataset,
         arguments.images or "all",
