@@ -231,4 +231,7 @@ def _cell(value: float | int | str | None) -> str:
     """Write a number so that it comes back to a tenth of a micrometre and a nanosecond."""
     if value is None:
         return ""
-    return str(value) if isinstance(value, int | str) else f"{value:.10g}"
+    if isinstance(value, int | str):
+        return str(value)
+    # stamps that count from 1970 have so many digits before the point
+    return f"{value:.10g}" if abs(value) < 1e4 else repr(float(value))

@@ -139,7 +139,9 @@ def test_a_cluster_without_workers(
         link(tmp_path, scheduler=cluster.scheduler_address)
 
 
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere", "http://127.0.0.1:1"])
+@pytest.mark.parametrize(
+    "address", ["tcp://127.0.0.1:1", "nowhere", "http://127.0.0.1:1", "tls://127.0.0.1:1"]
+)
 def test_a_scheduler_that_does_not_answer(
     address: str, link: Callable[..., Links], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

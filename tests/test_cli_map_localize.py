@@ -114,6 +114,12 @@ def test_another_dataset_without_poses(
         paths = ("../places", "../plain", "--bins", 32, "--output", "../out", "--overwrite")
         assert run("map", "localize", *paths, "--max-images", 2).code == 0
     assert len(steps()) == 2 and Path("out/figures/nodes.png").exists()
+    # files of others stay
+    for text in ('{"editor": 1}', "no JSON"):
+        Path("out/settings.json").write_text(text)
+        assert run(*command, "--overwrite", "--max-images", 2).code == 0
+        assert Path("out/settings.json").read_text() == text
+    Path("out/settings.json").unlink()
     # with poses it is judged, and told what was taken for granted
     few = ("--overwrite", "--no-figures", "--max-images", 2)
     outcome = run("map", "localize", "places", room_folder, *OPTIONS, *few)

@@ -101,7 +101,9 @@ def test_wrong_input(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     outcome = run("map", "places", "links", *wrong)
     assert outcome.code == 2
     assert "--images, --max-images, --jobs, --mutual, --bins: without effect on" in outcome.err
-    Path("links/links.npz").rename("links/settings.json")
+    Path("links/links.npz").unlink()
+    begun = {"features": "", "num_images": 7, "batch_size": 500}
+    Path("links/settings.json").write_text(json.dumps(begun))
     refused(run("map", "places", "links"), "links: the links are not finished")
     monkeypatch.setitem(sys.modules, "networkx", None)
     refused(run("map", "places", "links", "--output", "out"), "pip install 'pflut[mapping]'")

@@ -86,6 +86,8 @@ def test_the_figure() -> None:
     assert bars[-1] == [0.0, 0.0, 1.0]
     (wrong,) = lower.collections
     assert wrong.get_offsets()[:, 0].tolist() == [1.0]
+    # images are counted, however few they are
+    assert all(tick == round(tick) for tick in lower.get_xticks())
     # without truth nothing is judged
     plain = plot_node_probabilities(probabilities, places)
     assert len(plain.axes[0].collections) == 1 and not plain.axes[1].collections

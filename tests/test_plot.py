@@ -21,6 +21,7 @@ from pflut.plot import (
     plot_errors,
     plot_medians,
     plot_pair_errors,
+    plot_places,
     plot_pose_graph,
     plot_posterior,
     plot_trajectory,
@@ -111,6 +112,17 @@ def test_a_narrow_map_has_its_legend_beside_it():
         assert (legend.x0 > axes.x1) != below
         assert legend.x0 >= 0
         assert legend.x1 <= figure.bbox.x1
+
+
+def test_a_legend_of_many_rows_leaves_room_for_the_title():
+    dataset = replace(home(), floor_plan=WALLS * [1.25, 2.0])
+    for number in (4, 12):
+        positions = np.column_stack([np.linspace(0.5, 5.5, 2 * number), np.full(2 * number, 2.0)])
+        places = np.arange(2 * number) // 2
+        figure = plot_places(positions, places, [(0, 1)], [0.9], dataset, title="many places")
+        figure.draw_without_rendering()
+        assert len(figure.legends[0].get_texts()) == number + 1
+        assert figure.axes[0].title.get_window_extent().y1 <= figure.bbox.y1
 
 
 def test_trajectory_of_a_bare_dataset():

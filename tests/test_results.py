@@ -94,6 +94,15 @@ def test_steps_are_on_disk_before_the_next_image(result: ReplayResult, tmp_path:
             assert row["match_ms"] == pytest.approx(1e3 * step.timings["match"])
 
 
+def test_stamps_that_count_from_1970_come_back(tmp_path: Path) -> None:
+    stamps = [1700000000.123456, 1700000000.173456, 0.1 + 0.2]
+    with StepsWriter(tmp_path / "steps.csv") as writer:
+        for stamp in stamps:
+            writer.add({"stamp": np.float64(stamp)})
+    rows = csv.DictReader((tmp_path / "steps.csv").read_text().splitlines())
+    np.testing.assert_allclose([float(row["stamp"]) for row in rows], stamps, rtol=0.0, atol=1e-9)
+
+
 def test_steps_without_truth_leave_their_errors_empty(result: ReplayResult, tmp_path: Path) -> None:
     unknown = dataclasses.replace(result.steps[0], ground_truth=None)
     with StepsWriter(tmp_path / "steps.csv") as writer:

@@ -78,8 +78,15 @@ def needs(module: str, *, extra: str, what: str) -> None:
 
 def has_begun(folder: Path) -> bool:
     """Whether a folder holds pairs of a former run, or nothing but its features."""
-    if (folder / "settings.json").is_file():
-        return True
+    from pflut._files import read_json
+
+    settings = folder / "settings.json"
+    if settings.is_file():
+        # other programs have files of this name, too
+        try:
+            return {"features", "num_images", "batch_size"} <= read_json(settings).keys()
+        except ValueError:
+            return False
     return folder.is_dir() and [path.name for path in folder.iterdir()] == ["work"]
 
 

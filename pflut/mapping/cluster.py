@@ -113,6 +113,8 @@ def _client(scheduler: str) -> Iterator[Any]:
     """Give a connection to a scheduler that has workers."""
     distributed = require("distributed", extra="cluster", what="scheduler")
     try:
+        # a client whose constructor refuses an address waits a minute when it is deleted
+        _check_address(scheduler)
         client = distributed.Client(scheduler, timeout=TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:
         raise OSError(f"scheduler: no answer from {scheduler}: {error}") from None
@@ -120,6 +122,17 @@ def _client(scheduler: str) -> Iterator[Any]:
         if not client.nthreads():
             raise OSError(f"scheduler: {scheduler} has no workers")
         yield client
+
+
+def _check_address(scheduler: str) -> None:
+    """Refuse what is no address, no host that is known, or of a scheme dask is not set up for."""
+    import distributed
+
+    distributed.comm.resolve_address(scheduler)
+    scheme, _ = distributed.comm.parse_address(scheduler)
+    encrypted = scheme in ("tls", "wss")
+    if encrypted and distributed.Security().get_connection_args("client")["ssl_context"] is None:
+        raise ValueError(f"dask is not configured for {scheme}, expected its distributed.comm.tls")
 
 
 @contextmanager

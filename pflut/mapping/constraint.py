@@ -40,7 +40,7 @@ class PoseConstraint:
         "pose": the mass lies in one or more compact modes. "headings": the rotation is known and
         there are two headings, as of a short baseline whose direction may be the opposite one.
         "rotation": the rotation is known, the headings are not: a turn on the spot. "none":
-        nothing that a map could use.
+        nothing that a map could use of this pair alone.
     mixture : VonMisesMixture
         Fitted to the posterior.
     entropy : float

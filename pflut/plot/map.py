@@ -19,6 +19,8 @@ from pflut.plot.style import BLACK, COLORMAP, CYCLE, GREY, VERMILION, new_figure
 _MARGIN = 0.04  # of the map's larger side
 _SIDE = 9.0  # inches
 _NARROW = 0.7  # width over height
+_ABREAST = 4  # entries of a row of the legend below a map
+_ROW = 0.25  # inches
 
 
 def draw_map(axes: Axes, dataset: Dataset, *, references: bool = True) -> None:
@@ -190,7 +192,12 @@ def legend_outside(figure: Figure) -> None:
     if narrow:
         legend = figure.legend(loc="outside right upper", frameon=False, fontsize=9)
     else:
-        legend = figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+        legend = figure.legend(
+            loc="outside lower center", ncols=_ABREAST, frameon=False, fontsize=9
+        )
+        rows = -(-len(legend.legend_handles) // _ABREAST)
+        # the figure has room for one; others would push the title out of it
+        figure.set_figheight(figure.get_figheight() + _ROW * max(rows - 1, 0))
     for handle in legend.legend_handles:
         if isinstance(handle, PathCollection):
             handle.set_alpha(1.0)

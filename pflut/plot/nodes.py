@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
 from pflut.geometry import FloatArray
@@ -139,4 +140,5 @@ def _draw_places(
         axes.scatter(wrong, y, s=26, marker="v", color=VERMILION, label="place is wrong")
     axes.set(xlabel="image", ylabel="probability", ylim=(0.0, 1.1))
     axes.set_xlim(-0.5, len(shares) - 0.5)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     tidy(axes, grid=False)
