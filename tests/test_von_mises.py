@@ -468,6 +468,17 @@ def test_fits_of_simulated_pairs(
     assert near >= 8
 
 
+@pytest.mark.parametrize("bins", [6, 16, 128])
+def test_a_band_gets_no_sharper_along_itself_than_a_cell(bins: int) -> None:
+    cell = TWO_PI / bins
+    moments = np.zeros(maximization_kernels.MOMENTS)
+    moments[0] = 1.0  # all at its mean heading
+    band = np.array([1.0, 0.0, 1.0, 1.0 / cell**2, 2.0, 0.0, components.BAND])
+    maximization_kernels.update_band(moments, 0.0, cell, 0.05 * cell**2, band)
+    deviation = 1.0 / np.sqrt(band[components.K_2])
+    assert deviation == pytest.approx(max(0.7 * cell, 0.045), rel=0.1)
+
+
 def test_fit_refuses() -> None:
     flat = np.full((8, 8), 1.0 / 64)
     with pytest.raises(ValueError, match="max_components: expected"):

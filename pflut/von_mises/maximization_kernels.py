@@ -179,7 +179,8 @@ def update_band(moments, blur, cell, least, component):  # type: ignore[no-untyp
     u1, u2 = moments[3] / mass, moments[4] / mass
     spread_2 = 1.0 - np.sqrt((1.0 - u2) ** 2 + m2 * m2)
     component[MEAN_2] += np.arctan2(m2, 1.0 - u2)
-    component[K_2] = concentration(max(spread_2, 1e-3))
+    # along itself a band is no sharper than a cell, where a sum over cells is no integral
+    component[K_2] = concentration(max(spread_2, 1e-3, 0.25 * cell * cell))
     if is_sharp(component, cell):
         sums = np.empty(3)
         sum_over_diagonals(component, cell, sums)
