@@ -130,7 +130,7 @@ def same_settings(path: Path, settings: Mapping[str, Any], what: str) -> None:
         other = [name for name in names if here.get(name) != there.get(name)]
         raise ValueError(
             f"{path.parent}: holds {what} with another {', '.join(other) or 'setting'}, expected "
-            "a new folder"
+            "a new folder or the same"
         )
 
 
