@@ -44,7 +44,7 @@ from pflut.mapping.constraint import KINDS
 from pflut.plot import save_figure
 from pflut.plot.style import COLORMAP, VERMILION, new_figure
 from pflut.von_mises.fit import fit_mixture
-from pflut.von_mises.mixture import MAX_COMPONENTS
+from pflut.von_mises.mixture import MAX_COMPONENTS, VonMisesMixture
 
 COUNTS = (10, 25, 50, 100)
 MISMATCHES = (0.0, 0.5, 0.8, 0.9, 0.95)
@@ -80,12 +80,11 @@ class Fit:
         return (*fit, *few, self.loss, self.time_extract)
 
 
-def timed(posterior: GridPosterior, limit: int) -> tuple[float, float]:
-    """Fit, and give the exact divergence and the milliseconds of one core that the fit took."""
+def timed(posterior: GridPosterior, limit: int) -> tuple[VonMisesMixture, float]:
+    """Fit, and give the mixture and the milliseconds of one core."""
     start = thread_time()
     mixture, _ = fit_mixture(posterior.log_prob, posterior.prob, max_components=limit)
-    time = 1e3 * (thread_time() - start)
-    return mixture.divergence(posterior.prob), time
+    return mixture, 1e3 * (thread_time() - start)
 
 
 def measure(posterior: GridPosterior, heading_l: float, heading_r: float) -> Fit:
@@ -93,15 +92,13 @@ def measure(posterior: GridPosterior, heading_l: float, heading_r: float) -> Fit
     start = thread_time()
     constraint = extract_constraint(posterior)
     extracted = 1e3 * (thread_time() - start)
-    few = timed(posterior, FEW)
-    # what a map does not use is not fitted in full
-    full = timed(posterior, MAX_COMPONENTS)
-    mixture = constraint.mixture
-    if constraint.kind == "none":
-        mixture = posterior.von_mises_mixture()
+    few, time_few = timed(posterior, FEW)
+    # of one that constrains nothing the constraint's is not fitted in full
+    mixture, time = timed(posterior, MAX_COMPONENTS)
+    divergence, divergence_few = (m.divergence(posterior.prob) for m in (mixture, few))
     grid = posterior.log_density(heading_l, heading_r)
     loss = grid - float(mixture.log_density([heading_l, heading_r]))
-    return Fit(constraint, *full, *few, loss, extracted)
+    return Fit(constraint, divergence, time, divergence_few, time_few, loss, extracted)
 
 
 def groups(pairs: int, seed: int) -> Iterator[tuple[str, int, float, list[Pair]]]:
