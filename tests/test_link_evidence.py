@@ -103,7 +103,7 @@ def test_true_matches_have_evidence_and_chance_has_none() -> None:
 
 def test_evidence_is_checked() -> None:
     one = some_evidence([3.0], 10)
-    both = LinkEvidence.concatenate([LinkEvidence.empty(), one, some_evidence([-1.0, 2.0], [5, 6])])
+    both = LinkEvidence.concatenate([one[:0], one, some_evidence([-1.0, 2.0], [5, 6])])
     assert both.num_matches.tolist() == [10, 5, 6] and len(both[1:]) == 2
     with pytest.raises(ValueError, match=r"num_matches: expected shape \(1,\), got \(2,\)"):
         LinkEvidence([3.0], [10, 11], [4], [4], [0.1], [0.0], [0.1])  # type: ignore[arg-type]

@@ -212,8 +212,6 @@ def _draw(
     folder: Path, drive: Dataset, graph: PoseGraph, found: OptimizedGraph, title: str
 ) -> None:
     """Write the figure: over the floor plan only where the truth says how the map lies in it."""
-    import numpy as np
-
     from pflut.alignment import align_poses
     from pflut.cli.map_frame import WITHOUT_TRUTH, truth_known, without_plan
     from pflut.plot import save_figure
@@ -229,8 +227,8 @@ def _draw(
         plot_pose_graph(
             drive,
             shown[0],
-            graph.link_nodes,
-            np.where(graph.links.says_something, found.link_probability, 0.0),
+            graph.link_nodes[found.believed],
+            found.link_probability[found.believed],
             odometry=shown[1],
             ground_truth=truth,
             note=note,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+from collections.abc import Callable, Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,6 +29,7 @@ from pflut.replay.options import ReplayOptions
 if TYPE_CHECKING:
     from pflut.cli.progress import Bars
     from pflut.datasets.base import Dataset
+    from pflut.features import Features
     from pflut.likelihood.table import LikelihoodTable
     from pflut.mapping.link_model import LinkModel
     from pflut.mapping.links import Links
@@ -187,9 +189,8 @@ def linked(
         Saying how many pairs are kept.
     """
     from pflut.likelihood.sampling import available_cores
-    from pflut.mapping.all_pairs import all_pairs, dataset_features
+    from pflut.mapping.all_pairs import all_pairs
     from pflut.mapping.pair_linker import LinkOptions
-    from pflut.replay.pipeline import make_extractor
 
     table = residual_table(options, dataset, bars)
     model = _link_model(arguments.link_model, options.table, dataset)
@@ -209,12 +210,7 @@ def linked(
 
     try:
         links = all_pairs(
-            dataset_features(
-                dataset,
-                make_extractor(dataset, options),
-                cache=feature_cache(arguments),
-                progress=bars.stage("features"),
-            ),
+            image_features(arguments, dataset, options, bars.stage("features")),
             folder,
             table,
             max_candidates=arguments.max_candidates,
@@ -243,6 +239,20 @@ def linked(
             folder.rmdir()
         raise
     return links, folder
+
+
+def image_features(
+    arguments: argparse.Namespace,
+    dataset: Dataset,
+    options: ReplayOptions,
+    progress: Callable[[int, int], None],
+) -> Iterator[Features]:
+    """Give the features of the images one by one, as --no-cache and the options say."""
+    from pflut.mapping.all_pairs import dataset_features
+    from pflut.replay.pipeline import make_extractor
+
+    extractor, cache = make_extractor(dataset, options), feature_cache(arguments)
+    return dataset_features(dataset, extractor, cache=cache, progress=progress)
 
 
 def residual_table(options: ReplayOptions, dataset: Dataset, bars: Bars) -> LikelihoodTable:

@@ -15,12 +15,11 @@ from pflut.cli.arguments import (
     add_overwrite,
     add_replay_options,
     add_verb,
-    feature_cache,
     refuse_as_output,
     replay_options,
 )
 from pflut.cli.map_folder import MapImages, add_images, needs, open_folder, write_run
-from pflut.cli.map_links import residual_table
+from pflut.cli.map_links import image_features, residual_table
 from pflut.replay.options import ReplayOptions
 
 if TYPE_CHECKING:
@@ -194,18 +193,11 @@ def _localizer(
     bars: Bars,
 ) -> NodeLocalizer:
     """Make the filter, with the features of the nodes."""
-    from pflut.mapping.all_pairs import dataset_features
     from pflut.mapping.node_localizer import NodeLocalizer
     from pflut.mapping.node_model import NodeModel
     from pflut.mapping.node_walk import NodeWalk
-    from pflut.replay.pipeline import make_extractor
 
-    features = dataset_features(
-        nodes,
-        make_extractor(nodes, options),
-        cache=feature_cache(arguments),
-        progress=bars.stage("features"),
-    )
+    features = image_features(arguments, nodes, options, bars.stage("features"))
     sensor = NodeModel(
         made,
         list(features),
@@ -234,17 +226,10 @@ def _localize(
     """Localize image by image; gives estimates, and the probabilities of nodes, (T, N)."""
     import numpy as np
 
-    from pflut.mapping.all_pairs import dataset_features
     from pflut.mapping.node_errors import NodeErrors
-    from pflut.replay.pipeline import make_extractor
     from pflut.results import StepsWriter
 
-    observations = dataset_features(
-        drive,
-        make_extractor(drive, options),
-        cache=feature_cache(arguments),
-        progress=bars.stage("images"),
-    )
+    observations = image_features(arguments, drive, options, bars.stage("images"))
     made, truth = robot.topological_map, _truth(drive)
     estimates, probabilities = [], []
     with StepsWriter(folder / "steps.csv") as writer:

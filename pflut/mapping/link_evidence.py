@@ -84,12 +84,6 @@ class LinkEvidence:
         return LinkEvidence(*(getattr(self, item.name)[index] for item in fields(self)))
 
     @classmethod
-    def empty(cls) -> LinkEvidence:
-        """Return that of no pairs."""
-        counts, values = np.empty(0, np.int64), np.empty(0)
-        return cls(values, counts, counts, counts, values, values, values)
-
-    @classmethod
     def concatenate(cls, parts: Sequence[LinkEvidence]) -> LinkEvidence:
         """Join the evidence of several sets of pairs, at least one."""
         return cls(

@@ -109,13 +109,11 @@ def make_points(log_prob, prob, axes, kinds, diagonals, points, start, chunks): 
                         low_j, high_j = min(low_j, j), max(high_j, j + stride)
                         n += 1
                         if n % CHUNK == 0:
-                            box = (low_i * cell, high_i * cell, low_j * cell, high_j * cell)
-                            _set_chunk(box, chunks, n // CHUNK - 1)
+                            _set_chunk(low_i, high_i, low_j, high_j, cell, chunks, n // CHUNK - 1)
                             low_i, high_i, low_j, high_j = bins, 0, bins, 0
         start[level, TILES * TILES] = n
         if n % CHUNK != 0:
-            box = (low_i * cell, high_i * cell, low_j * cell, high_j * cell)
-            _set_chunk(box, chunks, n // CHUNK)
+            _set_chunk(low_i, high_i, low_j, high_j, cell, chunks, n // CHUNK)
             last = n - 1
             while n % CHUNK != 0:
                 for row in range(4):
@@ -128,9 +126,9 @@ def make_points(log_prob, prob, axes, kinds, diagonals, points, start, chunks): 
 
 
 @jit
-def _set_chunk(box, chunks, n):  # type: ignore[no-untyped-def]
-    """Write the center and the variances of a box [low and high heading_l, of heading_r]."""
-    low_l, high_l, low_r, high_r = box
+def _set_chunk(low_i, high_i, low_j, high_j, cell, chunks, n):  # type: ignore[no-untyped-def]
+    """Write the center and the variances of a box of cells."""
+    low_l, high_l, low_r, high_r = low_i * cell, high_i * cell, low_j * cell, high_j * cell
     chunks[0, n], chunks[1, n] = np.sin(0.5 * (low_l + high_l)), np.cos(0.5 * (low_l + high_l))
     chunks[2, n], chunks[3, n] = np.sin(0.5 * (low_r + high_r)), np.cos(0.5 * (low_r + high_r))
     chunks[4, n], chunks[5, n] = (high_l - low_l) ** 2 / 12.0, (high_r - low_r) ** 2 / 12.0
